@@ -1,7 +1,5 @@
 """Options of the generated buildings and of their virtual scans."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 
 from ..formats.core.errors import check_name

@@ -1,7 +1,5 @@
 """The exact, textured geometry of a building, as a scan without any scanner's defects."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

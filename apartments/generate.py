@@ -1,7 +1,5 @@
 """The built-in scenes: build one, scan it, write the scan and its truth."""
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Not imported by the package, so that an edit of it does not scan buildings as meshes again.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from pathlib import Path

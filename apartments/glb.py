@@ -4,8 +4,6 @@ trimesh's exporter compresses embedded JPEG images again at its default quality;
 into the file as they were encoded.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

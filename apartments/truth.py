@@ -1,7 +1,5 @@
 """The true floor, kept beside the scan so that a repair can be measured."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -5,8 +5,6 @@ the repository are collected in, too. Only the named sections are measured again
 `make bench ONLY="render write"`; the others stay as they were. Nothing else should run meanwhile.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import platform

@@ -1,7 +1,5 @@
 """The whole chain as a user runs it, stage by stage, and what that means per hour."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess

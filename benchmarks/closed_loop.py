@@ -1,7 +1,5 @@
 """Closed loop: observations and episodes per time, two workers against one, memory of resets."""
 
-from __future__ import annotations
-
 import gc
 import math
 import os

@@ -7,8 +7,6 @@ be interrupted and repeated, and grown: more scenes, robots or controllers later
 as long as `--kinds`, `--paths` and `--image` stay the same.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

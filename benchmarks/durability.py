@@ -1,7 +1,5 @@
 """SIGKILL at seeded moments of every stage, and what hashing and verifying cost."""
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import time

@@ -1,7 +1,5 @@
 """Our loaders against LeRobot's own dataset, on the same frames in the same process."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -6,8 +6,6 @@ copy of the file; for reading, the Python reader of the MCAP project, checking a
 do, and reading the file's bytes.
 """
 
-from __future__ import annotations
-
 import shutil
 import tempfile
 import time

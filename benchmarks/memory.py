@@ -1,7 +1,5 @@
 """Peak memory of `collect` with few and with many short episodes: driver and workers apart."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

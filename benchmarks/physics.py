@@ -1,7 +1,5 @@
 """Physics with the gait on one core: every robot in an empty world and in furnished scenes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass

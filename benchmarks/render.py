@@ -1,7 +1,5 @@
 """Rendered RGB-D frames per second on one core, ego views along recorded walks, both renderers."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@
 ledger: CPU seconds as measured inside the workers, bytes and files as recorded in the manifest.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import shutil

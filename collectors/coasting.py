@@ -1,7 +1,5 @@
 """Stopping distance and turn lag of a robot: from its gait's card, or measured here."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Actuation of a robot: wheels, a trained gait, or none."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

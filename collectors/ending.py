@@ -1,7 +1,5 @@
 """The end of an episode's record: how long a robot that stops or falls is watched."""
 
-from __future__ import annotations
-
 import math
 
 from ..formats.core.rollout import STATE_RATE_HZ

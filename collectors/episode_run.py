@@ -1,7 +1,5 @@
 """One episode in progress: spawn, settle, drive until it ends, and collect the rollout."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import asdict, replace

@@ -8,8 +8,6 @@ A legged base sways with every step, so that the length of its 100 Hz track grow
 As in VLN-CE, paths are therefore measured at action boundaries, four times a second.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

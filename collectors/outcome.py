@@ -3,8 +3,6 @@
 Fall and stuck follow the VLN-PE paper (see the design, §2).
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Records the state of the physics along a rollout, 100 samples a second."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

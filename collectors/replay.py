@@ -5,8 +5,6 @@ force, no weld. The one exception is the controller `flash`, which is there to s
 costs.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 from collections.abc import Callable, Iterator

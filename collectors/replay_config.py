@@ -1,7 +1,5 @@
 """Settings of a replay."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from ..formats.core.rollout import REST_M_S

@@ -1,7 +1,5 @@
 """What a rollout says beside its samples: the expert's labels, and how it was made."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from typing import Any
 

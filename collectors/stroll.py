@@ -1,7 +1,5 @@
 """A robot that walks, turns or stands on a flat floor, under nothing but its own gait."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

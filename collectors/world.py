@@ -1,7 +1,5 @@
 """A scene level with a robot in it, ready to replay any number of episodes."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """The episodes of a collected LeRobot dataset, without torch or lerobot."""
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass
 from functools import cached_property

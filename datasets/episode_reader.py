@@ -1,7 +1,5 @@
 """Frames of an episode as arrays: rows from Parquet, images by decoding the video once through."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path

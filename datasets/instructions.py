@@ -1,7 +1,5 @@
 """Which of a path's instructions an item gets."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Single frames with history and future, on top of LeRobot's own dataset."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Planar poses relative to each other."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Whole episodes for recurrent models (Seq2Seq, CMA), as VLN-CE trains them by imitation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

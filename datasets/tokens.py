@@ -6,8 +6,6 @@ vocabulary is that of the training instructions alone, or one read from a VLN-CE
 embeddings trained elsewhere fit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

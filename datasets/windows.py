@@ -1,7 +1,5 @@
 """Windows of waypoints for trajectory-predicting policies such as RDP."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from dataclasses import dataclass
 from typing import Any

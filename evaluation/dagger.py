@@ -1,7 +1,5 @@
 """DAgger: a policy walks, an expert says at every step what it would have done."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A Gymnasium environment over one prepared scene, robot and controller."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One episode in closed loop: the physics and the rules of collection, actions by a policy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Kinds of actions that a policy may give: discrete ones, velocities, waypoints."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -3,8 +3,6 @@
 `server.py` describes the messages and serves any policy; it needs nothing of vlnpe.
 """
 
-from __future__ import annotations
-
 from contextlib import ExitStack
 from dataclasses import asdict
 from typing import Any, NoReturn

@@ -1,7 +1,5 @@
 """Results of an evaluation: the table of metrics with intervals, the file, the comparison."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence

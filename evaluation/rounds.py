@@ -1,7 +1,5 @@
 """Walk many episodes under one policy in this process, to validate a model in training."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

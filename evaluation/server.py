@@ -24,8 +24,6 @@ A server that fails answers {"error": "…"}. An array is a map of `dtype` (nump
 `shape` and `data` (bytes, row-major) under the key `__array__`.
 """
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """Action and observation spaces of the Gymnasium environment."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

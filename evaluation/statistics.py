@@ -1,7 +1,5 @@
 """Means with intervals, and the comparison of two evaluations on the same episodes."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@ A replay asks its chooser and goes on. An environment is asked for a step and mu
 replay runs in a thread that hands over at each question; at any time exactly one of the two runs.
 """
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from queue import SimpleQueue

@@ -1,7 +1,5 @@
 """Convert one episode of a dataset to MCAP: python examples/convert.py DATASET NUMBER OUT.mcap."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from pathlib import Path

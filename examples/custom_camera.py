@@ -1,7 +1,5 @@
 """Look at a scene through any camera: python examples/custom_camera.py SCENE OUT.png."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

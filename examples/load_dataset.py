@@ -1,7 +1,5 @@
 """Read episodes of a LeRobot dataset without torch: python examples/load_dataset.py DATASET."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 A policy here is a controller: poses in, velocity commands out. It sees no images.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 from dataclasses import dataclass, field

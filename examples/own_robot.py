@@ -1,7 +1,5 @@
 """Start a robot of your own from a shipped one: python examples/own_robot.py my_robot."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

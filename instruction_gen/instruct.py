@@ -1,7 +1,5 @@
 """Write checked instructions for every path of a file."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Settings of the instructions, and the record that is kept of each text."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, UnknownNameError

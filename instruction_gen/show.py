@@ -1,7 +1,5 @@
 """A path and its texts for a terminal: a small map of letters, events, sentences."""
 
-from __future__ import annotations
-
 import textwrap
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The camera that a selection's images were taken with."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import pyarrow.parquet as pq

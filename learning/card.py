@@ -4,8 +4,6 @@ It holds what is needed to build the model (architecture, vocabulary, image size
 were made from (data digests, recipe, seed, start), and how the training went (curves).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace

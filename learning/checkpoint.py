@@ -1,7 +1,5 @@
 """Checkpoints: weights as safetensors, and beside them their card with the same name."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Settings of a model and its training, from the `train` part of a recipe."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any

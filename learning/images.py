@@ -4,8 +4,6 @@ In training an image was rendered, encoded, decoded and resized; in closed loop 
 must be made the same. What is left between the two is the loss of the RGB codec.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 import torch

@@ -1,7 +1,5 @@
 """A model in closed loop: one observation in, one action out, the recurrent state kept."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext

@@ -4,8 +4,6 @@ Licences need no network. Vulnerabilities are looked up at OSV by `uv audit`; wi
 with a uv that cannot, that part is left out and says so.
 """
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """The `vlnpe` command."""
 
-from __future__ import annotations
-
 import argparse
 import ast
 import logging

@@ -1,7 +1,5 @@
 """`vlnpe doctor`: what this machine can do, and the one command that adds what is missing."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import platform

@@ -1,7 +1,5 @@
 """How a dataset was made: the values of meta/provenance.json."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Publish a LeRobot dataset on the Hugging Face hub: plan, check, upload, tag."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

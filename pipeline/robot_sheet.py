@@ -1,7 +1,5 @@
 """The sheet that `vlnpe robots` shows of a robot: its facts and its policy's card."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

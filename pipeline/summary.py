@@ -1,7 +1,5 @@
 """What commands print when they have finished."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

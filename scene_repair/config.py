@@ -1,7 +1,5 @@
 """Options of the repair."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..formats.core.errors import check_name

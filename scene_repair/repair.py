@@ -1,7 +1,5 @@
 """Repair one scan, step by step, into a simulation-ready scene."""
 
-from __future__ import annotations
-
 import logging
 import math
 from collections.abc import Callable

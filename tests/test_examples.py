@@ -1,7 +1,5 @@
 """The scripts in `examples/` run unchanged."""
 
-from __future__ import annotations
-
 import runpy
 import sys
 from collections.abc import Callable, Iterator

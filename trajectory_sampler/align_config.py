@@ -1,7 +1,5 @@
 """Thresholds by which VLN-CE episodes are fitted into a scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..formats.core.errors import InputError

@@ -1,7 +1,5 @@
 """Bring VLN-CE episodes into the world frame of repaired scenes, onto the floor, out of walls."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

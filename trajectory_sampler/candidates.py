@@ -1,7 +1,5 @@
 """Draw candidate paths on one level, and say why one is dropped."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field

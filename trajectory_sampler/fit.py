@@ -1,7 +1,5 @@
 """Fit the path of a VLN-CE episode into a repaired scene: onto the floor, out of walls."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

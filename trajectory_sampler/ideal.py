@@ -1,7 +1,5 @@
 """The actions of VLN-CE's ideal agent along a path: exactly 0.25 m and 15° each, no physics."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

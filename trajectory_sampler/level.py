@@ -1,7 +1,5 @@
 """A level of a scene, prepared for sampling."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """On which level of a scene points lie, by their height above the floors."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

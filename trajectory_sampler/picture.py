@@ -1,7 +1,5 @@
 """Draw paths over the planning map they were sampled on."""
 
-from __future__ import annotations
-
 import colorsys
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """How many paths each scene holds per split: published sets, or your own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

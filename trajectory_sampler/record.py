@@ -1,7 +1,5 @@
 """From a kept path to its episode: headings, waypoints, the ideal agent's actions, its family."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Sample distinct paths that pass between rooms of a repaired scene, for one split or several."""
 
-from __future__ import annotations
-
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """How alike two paths are, and which of many paths are like a given one."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterator
 from itertools import product

@@ -5,8 +5,6 @@ whether the way leaves its level. `text` reads the instruction; it is never on b
 many instructions mention stairs that the path does not climb.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence

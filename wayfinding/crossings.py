@@ -1,7 +1,5 @@
 """Find where a path passes from one room into another."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

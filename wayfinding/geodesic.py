@@ -6,8 +6,6 @@ those of taut strings, not of staircases. Plain 8-connected distances are up to 
 which would bias SPL by as much.
 """
 
-from __future__ import annotations
-
 import heapq
 
 import numpy as np

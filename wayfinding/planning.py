@@ -3,8 +3,6 @@
 The sampler plans episodes with it, and the collectors re-plan.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 The sampler prefers paths that pass between rooms, and the instructions name the rooms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

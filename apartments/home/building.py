@@ -1,7 +1,5 @@
 """Builds a whole building: plans of its storeys, shell, furniture."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..config import ApartmentConfig

@@ -1,7 +1,5 @@
 """Decoration of walls and ceilings: pictures, mirrors, curtains, radiators, lamps."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..looks.kit import Kit

@@ -1,7 +1,5 @@
 """What stands in the rooms of a home, and which function furnishes which room."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import numpy as np

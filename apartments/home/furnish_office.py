@@ -1,7 +1,5 @@
 """What stands in the rooms of an office."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..looks.kit import Kit

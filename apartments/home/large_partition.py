@@ -4,8 +4,6 @@ As in `partition`, a family returns cells on the walls' centre lines. The role `
 of a staircase; in an office the roles are the kinds of the rooms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

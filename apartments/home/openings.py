@@ -1,7 +1,5 @@
 """Doorways, passages, the front door and windows of a floor plan."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

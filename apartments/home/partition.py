@@ -4,8 +4,6 @@ Each family returns cells `(role, x0, y0, x1, y1)` on the walls' centre lines. R
 `hall`, `wet` (a bathroom), `room` (anything else); the plan turns them into room kinds by size.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

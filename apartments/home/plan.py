@@ -1,7 +1,5 @@
 """Floor plans: rooms, doorways, windows, stairs and columns."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

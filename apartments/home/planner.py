@@ -1,7 +1,5 @@
 """Draws floor plans until one fits: right area and rooms, every room joined to the others."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

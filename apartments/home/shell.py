@@ -1,7 +1,5 @@
 """Floors, ceilings, walls with their openings, door frames and windows."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

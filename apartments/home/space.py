@@ -1,7 +1,5 @@
 """Placement of furniture in a room, so that doors stay clear and robots can pass."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label

@@ -1,7 +1,5 @@
 """The exact building as labelled, textured triangles."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Textiles, wood, stone and metal of furniture."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

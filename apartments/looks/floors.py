@@ -1,7 +1,5 @@
 """Floor coverings. Every function returns an image of exactly the size it is asked to cover."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """The furniture materials of one home: its woods, cloths, metals and stone."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from . import fabrics, pictures

@@ -1,7 +1,5 @@
 """Tileable noise and colour helpers for procedural textures."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

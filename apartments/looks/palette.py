@@ -1,7 +1,5 @@
 """Materials and the palette that collects those a home uses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """Whole pictures: paintings, window views, fronts of appliances, rows of books, screens."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike

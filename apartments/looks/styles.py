@@ -1,7 +1,5 @@
 """Floors and walls of rooms, chosen so that the rooms of a building differ at a glance."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wall finishes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

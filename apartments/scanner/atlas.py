@@ -1,7 +1,5 @@
 """Charts of the scan (connected, nearly flat pieces of one object), and their texture pages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

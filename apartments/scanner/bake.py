@@ -1,7 +1,5 @@
 """Bake the texture pages: exact colour times light."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

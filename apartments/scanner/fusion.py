@@ -1,7 +1,5 @@
 """Scan the exact apartment: fuse depth views into a truncated signed distance volume."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Find the point of the exact surface, and the object, for each point of the scan."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree

@@ -1,7 +1,5 @@
 """Rasterise triangles to the texels of a page."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Faults of real splat captures: floaters, thin spots, and a far background outside."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -4,8 +4,6 @@ A grid in the plane of each triangle gives the centres; only what a station of t
 a Gaussian, so that the floor is missing beneath furniture as in a real capture.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Plan the scanner's views: through all rooms, at eye height."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Trace rays through the exact apartment, in chunks that limit memory."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass

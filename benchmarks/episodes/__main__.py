@@ -4,8 +4,6 @@ Without folders it generates an apartment and an office in their exact geometry.
 seconds of one process, which do not depend on what else the machine does.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 import logging

@@ -9,8 +9,6 @@ paths. Both are aligned, replayed, rendered and exported by the commands of the 
 measurements of the others are in OUT/measured.json.
 """
 
-from __future__ import annotations
-
 import argparse
 import gzip
 import json

@@ -5,8 +5,6 @@ and both results must be the same bytes. With `--read` FOLDER holds episode file
 are given apart: `python -m benchmarks.episodes.preset --read RUN/episodes RUN/scenes`.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import subprocess

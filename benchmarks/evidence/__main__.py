@@ -5,8 +5,6 @@ command can be interrupted and repeated, and more tables, seeds or data can be a
 that the data at hand cannot fill stay unmeasured in the page.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable, Mapping, Sequence

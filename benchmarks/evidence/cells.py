@@ -1,7 +1,5 @@
 """Train and evaluate the cells of the tables, each once, with the product's own commands."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 from collections.abc import Callable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The compact file that the page is made from: what every cell measured, episode by episode."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Mapping
 from itertools import product

@@ -1,7 +1,5 @@
 """Intervals over seeds and scenes, and what they say about a claim."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

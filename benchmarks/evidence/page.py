@@ -1,7 +1,5 @@
 """docs/evidence.md, from the compact file of results."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Mapping
 from typing import Any

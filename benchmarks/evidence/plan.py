@@ -1,7 +1,5 @@
 """The tables: which model is trained on what, under which test it walks, and what is claimed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from benchmarks.evidence.records import BODYLESS, Claim, Row, Table, Test, Training

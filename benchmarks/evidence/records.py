@@ -1,7 +1,5 @@
 """What the tables are made of: trainings, tests, rows, claims."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from vlnpe.formats.core.errors import InputError

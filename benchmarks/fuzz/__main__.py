@@ -1,7 +1,5 @@
 """`python -m benchmarks.fuzz [MINUTES [TARGET …]]`: fuzz all readers, by default for an hour."""
 
-from __future__ import annotations
-
 import sys
 import tempfile
 from pathlib import Path

@@ -4,8 +4,6 @@ An input must end in a result or in a typed error of one short line. Anything el
 another exception, a crash, more than `SECONDS` or more memory than `MEMORY_BYTES`.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

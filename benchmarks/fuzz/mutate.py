@@ -1,7 +1,5 @@
 """Change a file a little: bytes, words and numbers, JSON values, pieces of another file."""
 
-from __future__ import annotations
-
 import json
 import re
 import struct

@@ -1,7 +1,5 @@
 """Fuzz every target for its share of the time and report it."""
 
-from __future__ import annotations
-
 import logging
 import os
 import secrets

@@ -1,7 +1,5 @@
 """What is fuzzed: one reader each, with small sound files to begin from."""
 
-from __future__ import annotations
-
 import io
 import json
 import shutil

@@ -7,8 +7,6 @@ episodes/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes 
 composer are measured on it.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

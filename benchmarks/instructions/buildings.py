@@ -1,7 +1,5 @@
 """Facts of generated buildings from their plans, without scan and repair."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

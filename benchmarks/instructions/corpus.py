@@ -23,8 +23,6 @@ Parts, in the order in which they were written:
 - `sealed5`: likewise by two more writers in eight voices about three more apartments and a villa.
 """
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

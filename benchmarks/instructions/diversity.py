@@ -1,7 +1,5 @@
 """How varied texts are: the measures of NavInstrCritic, from their published definitions."""
 
-from __future__ import annotations
-
 import math
 import re
 import zlib

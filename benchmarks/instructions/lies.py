@@ -4,8 +4,6 @@ Texts are changed by patterns over their words, and facts tell whether the resul
 checker's grammar has no part in it.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence

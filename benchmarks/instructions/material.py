@@ -5,8 +5,6 @@ For each scene in SCENES with `episodes/<scene>.json.gz` beside that folder, OUT
 checker or composer is in it: who writes from it knows only the building.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

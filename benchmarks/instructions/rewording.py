@@ -4,8 +4,6 @@ People say the same thing in many ways. A text that is true stays true under eve
 so each refusal of a reworded text is a gap in the checker's grammar or words.
 """
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

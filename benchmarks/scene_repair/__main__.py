@@ -4,8 +4,6 @@ Without `--complete` it runs what is asked for and prints. Results are kept unde
 `runs/bench_scene_repair` and taken again while the code is the same.
 """
 
-from __future__ import annotations
-
 import logging
 import multiprocessing
 import os

@@ -3,8 +3,6 @@
 Each runs in a process of its own: they may take very long, and one is known to crash.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import time

@@ -1,7 +1,5 @@
 """The benchmark's report, section by section."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Scenes with known floors: built-in apartments, and real scans beside the repository."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Measuring a repaired scene against the truth, on the triangles that it exports."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass, replace
 from typing import Any

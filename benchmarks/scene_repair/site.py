@@ -1,7 +1,5 @@
 """A scene before anything is cut: its parts, its true floor, and where things stand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Time and memory of the whole command over the number of triangles, on one core."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

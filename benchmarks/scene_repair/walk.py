@@ -8,8 +8,6 @@ never larger for a foot than it is in the scan. Obstacles and the planning map a
 scene's in both worlds, so nothing else differs.
 """
 
-from __future__ import annotations
-
 import math
 import shutil
 from collections import Counter

@@ -6,8 +6,6 @@ capture, as the published formula has it, and as the renderer draws, with levels
 error is the PSNR against the first.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

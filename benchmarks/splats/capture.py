@@ -6,8 +6,6 @@ splats, preparing them, and frames of 256² with 90° at the height of a robot's
 Times are CPU time of one core; memory is the peak of the whole process.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import sys

@@ -4,8 +4,6 @@ Each capture is generated, repaired and compared with the exact building: height
 places of walls, free floor that is free, doors that are open, furniture that is an obstacle.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import tempfile

@@ -5,8 +5,6 @@ python -m benchmarks.throughput parts --robot h1    # one part, printed
 python -m benchmarks.throughput runs --scene small_house --robot aliengo --workers 2
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 

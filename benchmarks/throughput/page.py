@@ -1,7 +1,5 @@
 """The section of the page, from results that are kept in runs/bench/throughput.json."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Time the parts of a frame in one process."""
 
-from __future__ import annotations
-
 import resource
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Time whole runs, stage by stage."""
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -8,8 +8,6 @@ walks: neither simulates. Neither is charged with loading: each has drawn before
 python -m benchmarks.writing.obvious RUN    # the script's side alone, as JSON
 """
 
-from __future__ import annotations
-
 import json
 import logging
 import os

@@ -5,8 +5,6 @@ writes videos of the same codecs and settings. LeRobot's streaming writer drops 
 queue is full; here the queue takes a whole episode.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import shutil

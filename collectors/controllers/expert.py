@@ -4,8 +4,6 @@ The controllers of discrete actions execute its choice, robots that follow their
 are labelled with it, and it can be queried online, at poses that no recorded robot was in.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 This is how disembodied collection works, and the reference for the cost of embodiment.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

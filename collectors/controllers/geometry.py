@@ -1,7 +1,5 @@
 """Plane geometry on scalars, for control steps that cannot afford array overhead."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

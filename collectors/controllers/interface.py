@@ -1,7 +1,5 @@
 """Interfaces of controllers: task, poses in, decisions out."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

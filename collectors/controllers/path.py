@@ -7,8 +7,6 @@ are corrected by turning on the spot. A robot pushed off its route, or one that 
 backs off if needed and re-plans on the freemap.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Every controller by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

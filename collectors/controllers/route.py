@@ -1,7 +1,5 @@
 """A dense route along a reference path, with arc length, heading and curvature."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

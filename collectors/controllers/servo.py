@@ -5,8 +5,6 @@ robot is steered along it, kept to it sideways and in heading, and slowed down i
 something else comes next, so that it neither coasts into a turn nor swings into a step.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ closed on each single action instead: it lasts until its 0.25 m or 15° are reac
 and the expert chooses one action ahead, so that the robot knows in time whether to slow down.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

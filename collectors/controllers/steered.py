@@ -4,8 +4,6 @@ Waypoints are pursued with VLN-PE's proportional gains. Nothing here knows the m
 behind a wall leads into the wall.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Protocol

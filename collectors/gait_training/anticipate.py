@@ -10,8 +10,6 @@ given to it, but it sees what the motors were told and did in the last 0.1 s. Wh
 time there is nothing to add, and the gait stays what it was.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 import time

@@ -7,8 +7,6 @@ between them (Wortsman et al. 2022, "Robust fine-tuning of zero-shot models"): w
 gains and what it forgets come in about the same proportion as the weights.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Settings of gait training, per robot."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import Any
 

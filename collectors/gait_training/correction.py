@@ -1,7 +1,5 @@
 """A network beside a gait's that adds to its actions, and both as one."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Hundreds of robots in `mujoco.batch`, as the vectorised environment `rsl_rl` expects."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 
 import mujoco

@@ -1,7 +1,5 @@
 """From a trained actor to the ONNX file that runs everywhere, and back for a refinement."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Which gait clock belongs to which robot."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from ..locomotion.gait import GaitClock

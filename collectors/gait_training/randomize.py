@@ -1,7 +1,5 @@
 """What differs from one simulation to the next: commands, bodies, friction, delays."""
 
-from __future__ import annotations
-
 import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray

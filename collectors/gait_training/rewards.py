@@ -1,7 +1,5 @@
 """Reward of one policy step, for many simulations at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """When each robot in training gets a new command, and when it is pushed."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -6,8 +6,6 @@ Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its 
 output folder; `--publish` evaluates the result and installs it beside this file.
 """
 
-from __future__ import annotations
-
 import csv
 import logging
 import time

@@ -5,8 +5,6 @@ walking. Measured once, this is undone by a polynomial from the velocity wanted 
 for. Its monomials respect the robot's left-right symmetry.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import product

@@ -1,7 +1,5 @@
 """Gaits under the product's own controllers on open ground: paths, and discrete actions alone."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

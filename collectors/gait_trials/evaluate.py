@@ -5,8 +5,6 @@
 table.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """What a gait must reach, and whether an evaluation table says it does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """How well a gait obeys: velocities, standing, kicks, stops."""
 
-from __future__ import annotations
-
 from itertools import product
 from typing import Any
 

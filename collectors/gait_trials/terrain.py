@@ -1,7 +1,5 @@
 """Ground to train and to test gaits on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """The JSON card that travels with every policy and says what it was trained on."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A small multilayer perceptron in compiled code: what a gait's network is."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol

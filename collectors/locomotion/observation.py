@@ -4,8 +4,6 @@ Only generalised positions and velocities enter: they are current after every ph
 sensors and body poses lag one step behind.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

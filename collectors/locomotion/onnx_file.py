@@ -4,8 +4,6 @@ Field and type numbers: https://github.com/onnx/onnx/blob/main/onnx/onnx.proto. 
 a plain chain of layers needs is known here; a Protobuf reader skips the rest.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Recognise a multilayer perceptron in an ONNX graph."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Networks of users' own robots: plain MLPs run in our code, all others in onnxruntime."""
 
-from __future__ import annotations
-
 import os
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The floor of a level as one MuJoCo geom: a plane where it is flat, else a height field."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """The floor of a level as physics sees it: a surface, and where there is none."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

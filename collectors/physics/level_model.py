@@ -9,8 +9,6 @@ boxes in a body of their own, 27 k as below, 36 k with sleeping):
 - Static trees are put to sleep, which saves updating their poses. The robot never sleeps.
 """
 
-from __future__ import annotations
-
 import hashlib
 import logging
 from dataclasses import asdict

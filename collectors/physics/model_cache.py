@@ -1,7 +1,5 @@
 """Compiled models on disk: verified when read, rebuilt when damaged."""
 
-from __future__ import annotations
-
 import hashlib
 import logging
 from collections.abc import Callable

@@ -4,8 +4,6 @@ Every static geom costs time in every physics step, touched or not, so fewer box
 physics; none of these steps changes a contact that the robot could make.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt

@@ -6,8 +6,6 @@ bit away from each body that is far from all of them, and gives it back before a
 could arrive. The motion is the same to the last bit, which a test holds.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

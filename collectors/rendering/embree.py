@@ -1,7 +1,5 @@
 """The default renderer: Embree traces, numba shades; no GPU, no display."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

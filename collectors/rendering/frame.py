@@ -1,7 +1,5 @@
 """What a renderer is asked for and what it returns, as records."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple

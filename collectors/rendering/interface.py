@@ -1,7 +1,5 @@
 """The interface of all renderers, and what they have in common."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import ClassVar
 

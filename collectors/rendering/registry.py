@@ -1,7 +1,5 @@
 """Renderers by name."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from pathlib import Path

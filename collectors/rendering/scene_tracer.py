@@ -1,7 +1,5 @@
 """A lit scene and its ray structure, as all renderers use them."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Callable
 from typing import NamedTuple

@@ -6,8 +6,6 @@ mesh that was fused from the splats. So is depth, metric as in every other scene
 over what a pixel shows (`SplatDepthRenderer`).
 """
 
-from __future__ import annotations
-
 import logging
 from typing import ClassVar
 

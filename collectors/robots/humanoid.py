@@ -1,7 +1,5 @@
 """Humanoids as tables: links on hinges, limbs, soles, and the model built from them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 

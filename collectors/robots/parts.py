@@ -1,7 +1,5 @@
 """Facts of a robot's parts: joints, feet, wheels, camera and limits, as frozen records."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import KW_ONLY, dataclass
 

@@ -1,7 +1,5 @@
 """Every robot by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

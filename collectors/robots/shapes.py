@@ -1,7 +1,5 @@
 """Functions that build robots of primitive shapes with `MjSpec`."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

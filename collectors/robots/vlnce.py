@@ -3,8 +3,6 @@
 It is the reference for the cost of embodiment: it has no joints and cannot fall.
 """
 
-from __future__ import annotations
-
 import mujoco
 
 from ...formats.core.camera import CameraModel

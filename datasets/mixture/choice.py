@@ -1,7 +1,5 @@
 """How a source's episodes are chosen: datasets found, episodes kept, and why others are not."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Batches of a mixture: in the same order for any number of workers, resumable between any two."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The plan of a mixture: what each source contributes, and its share of the draws."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

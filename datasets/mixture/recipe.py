@@ -13,8 +13,6 @@
 A source without `data` looks for datasets in all runs under the folder given to the command.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, dataclass, field, fields

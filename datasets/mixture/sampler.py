@@ -10,8 +10,6 @@ Several processes each take a golden-ratio sequence of their own, shifted evenly
 other: so shares hold for each process within a few draws, and for all of them together.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

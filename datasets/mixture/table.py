@@ -1,7 +1,5 @@
 """The plan of a mixture as text and as JSON."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any

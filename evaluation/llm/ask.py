@@ -1,7 +1,5 @@
 """Ask a language or vision-language model in words, within limits; count unclear answers."""
 
-from __future__ import annotations
-
 import hashlib
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The policies that ask a model behind an OpenAI-compatible server."""
 
-from __future__ import annotations
-
 from ...instruction_gen.llm.budget import Budget
 from ..map_policy import restated
 from ..map_policy.model_labels import ModelLabeller, labels_version

@@ -4,8 +4,6 @@ NaVid (Zhang et al., RSS 2024) and its successors answer in such sentences. A te
 not plainly one or several actions is refused rather than guessed, so that it can be counted.
 """
 
-from __future__ import annotations
-
 import re
 
 from ...formats.core.rollout import Action

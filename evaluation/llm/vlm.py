@@ -1,7 +1,5 @@
 """A vision-language model behind an OpenAI-compatible server as a policy, without any training."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Sequence
 from typing import Any

@@ -4,8 +4,6 @@ After Yokoyama et al., "VLFM: Vision-Language Frontier Maps", 2024, and the impr
 VLN-PE: near frontiers that fit the next landmark come first.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

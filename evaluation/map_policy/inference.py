@@ -1,7 +1,5 @@
 """Where an instruction leads on the map seen so far: to its end, or to a frontier."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

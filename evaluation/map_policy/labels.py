@@ -3,8 +3,6 @@
 `model_labels` has those of a vision-language model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol
 

@@ -5,8 +5,6 @@ Walls come from depth alone. The model's answers are data: a name that is no nou
 lexicon, or a box without a surface, is counted and left out, and nothing is guessed in its place.
 """
 
-from __future__ import annotations
-
 import math
 import sys
 import time

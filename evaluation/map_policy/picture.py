@@ -1,7 +1,5 @@
 """A picture of the map seen so far, for people."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The train-free policy `map`, after VLN-PE's improved VLMaps."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

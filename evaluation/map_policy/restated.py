@@ -1,7 +1,5 @@
 """Sub-goals of an instruction by a language model, which rewords the text in a plain grammar."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from ...instruction_gen.follower.goals import SubGoal, UnfollowableError, sub_goals

@@ -3,8 +3,6 @@
 Everything is in the start frame (`observation.Start`), from depth images, camera poses and labels.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """The map seen so far as a level that the follower of instructions understands."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from ...instruction_gen.follower.world import World

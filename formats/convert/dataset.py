@@ -1,7 +1,5 @@
 """Take a LeRobot v3.0 dataset of ours apart into episode units, by copying streams."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

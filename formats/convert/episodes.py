@@ -5,8 +5,6 @@ rollout at full rate without pictures, and `dataset.json`, facts of the dataset 
 So nothing is lost on the way.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 import tempfile

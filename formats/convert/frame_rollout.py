@@ -4,8 +4,6 @@ Not physics truth: single precision, one sample per frame, no torques. The exact
 apart.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path

@@ -5,8 +5,6 @@ statistics, and drop what they do not know. Episodes are recognised by their fra
 actions of two walks are never equal to the bit.
 """
 
-from __future__ import annotations
-
 import hashlib
 import shutil
 from collections.abc import Sequence

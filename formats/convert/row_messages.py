@@ -1,7 +1,5 @@
 """A dataset's frame rows as MCAP messages, exact to the bit, readable by any Protobuf reader."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Depth of a unit as a video of codes, whichever way the unit stores it, and back."""
 
-from __future__ import annotations
-
 import contextlib
 import tempfile
 from collections.abc import Iterator

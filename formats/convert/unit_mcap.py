@@ -4,8 +4,6 @@ What Foxglove shows comes at frame rate; `ROW_TOPIC` and the metadata record `vl
 dataset's own rows, features, statistics and columns, exactly.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

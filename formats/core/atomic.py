@@ -1,7 +1,5 @@
 """Atomic output: a reader sees a whole file or folder, or none; digests of files."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

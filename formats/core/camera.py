@@ -1,7 +1,5 @@
 """Pinhole cameras: intrinsics and mounting."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The checkout that vlnpe runs from, and the commands that complete its environment."""
 
-from __future__ import annotations
-
 import shlex
 import shutil
 import sys

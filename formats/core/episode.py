@@ -1,7 +1,5 @@
 """The Episode record: one instruction-following task in one scene, in the world frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

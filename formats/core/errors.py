@@ -5,8 +5,6 @@ which value was given and what is valid. Anything a single work item raises is q
 runner and never ends the run.
 """
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 from collections.abc import Iterable

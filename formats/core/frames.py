@@ -5,8 +5,6 @@ Habitat (VLN-CE): y up, the agent looks along −z at identity, quaternions xyzw
 Cameras: *optical* frame: x right, y down, z forward (OpenCV, ROS and Foxglove).
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

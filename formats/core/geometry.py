@@ -1,7 +1,5 @@
 """Normals and areas of triangles, lengths along polylines."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import Any, cast

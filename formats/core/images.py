@@ -1,7 +1,5 @@
 """Images as the bytes of a file, and as URIs that hold a file."""
 
-from __future__ import annotations
-
 import base64
 import io
 from typing import Any

@@ -4,8 +4,6 @@ numba keeps compiled code beside a function's file and compares that file alone.
 calls another module's kernel, or uses its constants, would run with their former code.
 """
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Callable

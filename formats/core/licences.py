@@ -1,7 +1,5 @@
 """Licences of scenes: their identifiers, the hub's keys, and whether data may be published."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 

@@ -1,7 +1,5 @@
 """Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time

@@ -1,7 +1,5 @@
 """The Rollout record: physics truth of one episode, sampled at 100 Hz, no pixels."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum

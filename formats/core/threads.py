@@ -4,8 +4,6 @@ A lone item (a big scene) may use the cores that idle workers leave. It runs wha
 each other at the same time; compiled code, images and rays let other threads run meanwhile.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor

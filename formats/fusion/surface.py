@@ -3,8 +3,6 @@
 Only cells that were seen entirely become surface.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ nest that span under `stats`, or leave the line out; then the episode's rows and
 the same. An episode without a listed task has no instruction: task 0 belongs to another one.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ InternData-N1's users miss the camera's intrinsics and find wrong frame rates; w
 instead is said in the dataset's provenance.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The images of one episode of the VLN-PE layout: NumPy files of colour and depth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any

@@ -11,8 +11,6 @@ A row is one discrete action: what is observed precedes `observation.action`. Po
 world, z up, quaternions wxyz; the camera's frame looks along its x axis, z up.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

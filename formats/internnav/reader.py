@@ -1,7 +1,5 @@
 """Read the VLN-PE layout, checking all that its loaders take for granted."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The rows of one episode of the VLN-PE layout, from a unit's."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -4,8 +4,6 @@ Our own data comes back as it was, except colours (encoded again) and depth beyo
 the layout). Others' data lacks much; `Assumptions.note` lists what is assumed, derived or missing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

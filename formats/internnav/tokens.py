@@ -1,7 +1,5 @@
 """The vocabulary of InternNav's instruction tokens."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write episode units as one scene's folder of the VLN-PE layout."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Join episode units into one LeRobot v3.0 dataset by copying streams, never encoding again."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,5 @@
 """The columns of meta/episodes beyond LeRobot's own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import Any
@@ -15,7 +13,7 @@ from ..vlnce.groups import instruction_ids
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))
-_SCALARS = {"float": pa.float64(), "bool": pa.bool_(), "int": pa.int64()}
+_SCALARS = {float: pa.float64(), bool: pa.bool_(), int: pa.int64()}
 
 EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "episode_uid": pa.string(),  # split/scene/id: the same for every robot, controller and view
@@ -46,7 +44,7 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "camera_intrinsics": _FLOATS,  # K row by row
     "depth_near_m": pa.float64(),
     "depth_far_m": pa.float64(),
-    **{f"metrics/{f.name}": _SCALARS[str(f.type)] for f in fields(Metrics)},
+    **{f"metrics/{f.name}": _SCALARS[f.type] for f in fields(Metrics)},
 }
 
 EDITED_ADVICE = (

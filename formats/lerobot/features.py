@@ -1,7 +1,5 @@
 """Entries of info.json's `features`: what each column is, and how each video was encoded."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ..core.camera import DepthRange

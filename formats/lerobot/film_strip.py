@@ -1,7 +1,5 @@
 """An image of a dataset for its card: frames of some episodes, depth below colour."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

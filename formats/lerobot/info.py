@@ -4,8 +4,6 @@ Its path templates are filled in by `str.format` and its feature names become fi
 and here; both are checked before anything relies on them.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A Parquet writer that begins a new file when the current one is full."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import IO, Any, Self
 

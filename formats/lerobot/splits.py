@@ -1,7 +1,5 @@
 """Which episodes train and which validate: no scene is in both."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Iterable
 

@@ -6,8 +6,6 @@ interpolation inside a bin. Over a dataset: counts weigh means, variances and qu
 Computation keeps each column's own precision, because bins are decided by it.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -8,8 +8,6 @@
 Units are independent, so any number of processes may write them; a unit is whole or absent.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Iterator, Sequence

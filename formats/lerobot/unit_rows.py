@@ -1,7 +1,5 @@
 """Frame rows of a unit: without the columns that depend on the place in a dataset."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

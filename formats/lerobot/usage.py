@@ -1,7 +1,5 @@
 """How to load and train on a dataset with LeRobot: the text of cards, run by the tests."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """The camera in Foxglove's own schemas: pose, calibration, colour and depth."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Restore videos from the camera's images in an MCAP file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

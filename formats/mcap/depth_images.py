@@ -4,8 +4,6 @@
 from a far limit of 8 m on; nearer ranges are finer than a millimetre and take metres (32FC1).
 """
 
-from __future__ import annotations
-
 import functools
 
 import numpy as np

@@ -7,8 +7,6 @@ map, the robot's body, and as an attachment the exact numbers behind the frames.
 reads these files, too; `extract_contents` gives back everything.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import math

@@ -1,7 +1,5 @@
 """A rollout's records apart from its arrays, as text for an MCAP metadata record."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Videos of integers beside colour and depth (labels, objects): each frame a 16-bit PNG message."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any

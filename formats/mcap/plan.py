@@ -1,7 +1,5 @@
 """The reference path, the walked path and the goal, to be seen in Foxglove's 3D panel."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Write MCAP files, and read whole ones with every checksum verified."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import struct

@@ -1,7 +1,5 @@
 """The robot's body in Foxglove: shapes fixed to link frames, and where the links are."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

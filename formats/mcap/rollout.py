@@ -1,7 +1,5 @@
 """A rollout as one MCAP file: exact, checked, quick, and it opens in Foxglove."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..core.errors import FileFormatError

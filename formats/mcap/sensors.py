@@ -1,7 +1,5 @@
 """Commands, actions, IMU and foot contacts as JSON messages."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from typing import Any
 

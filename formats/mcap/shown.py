@@ -4,8 +4,6 @@ Both are made from the scene and the robot, which formats do not know; so they c
 messages, and converters hand them on as they are.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

@@ -5,8 +5,6 @@ is its field tags and lengths, which never change, with the numbers between them
 reader (Foxglove's plots, too) reads them by the schema in the file.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any

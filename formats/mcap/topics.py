@@ -1,7 +1,5 @@
 """The topics of a robot that every MCAP file has, in Foxglove's own schemas."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Callable, Iterator
 

@@ -7,8 +7,6 @@ turns about as much as the robot does. So no rounding error adds up: executing t
 where the robot did.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ frames.npz           sample_index (N,), time_s (N,), camera_position_world_m (N,
 meta.json            camera, depth range, light, frame rate, codecs
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass

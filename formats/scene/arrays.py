@@ -1,7 +1,5 @@
 """Files of arrays in a scene's folder: written small and fast, read as records."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Callable
 from dataclasses import fields

@@ -13,8 +13,6 @@
 The index is written last: a folder with one is complete.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any

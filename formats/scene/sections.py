@@ -1,7 +1,5 @@
 """Horizontal sections of solids, so that renderings can cap the cut."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Object labels: which name an object, and which a person would use as a landmark."""
 
-from __future__ import annotations
-
 # Last words of labels of what is certainly not floor. Any other word (`apartment`, `ground truth`)
 # may be the name of a node that holds the floor too.
 _THINGS = """

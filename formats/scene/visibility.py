@@ -3,8 +3,6 @@
 The pipeline renders them (the renderer lives in `collectors`), the instruction stage reads them.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

@@ -4,8 +4,6 @@ Layout: the Khronos extension's specification: activated opacities, linear scale
 xyzw order. Older drafts had `_SCALE`, `_ROTATION` and `COLOR_0` instead; these are not read.
 """
 
-from __future__ import annotations
-
 import base64
 import binascii
 from dataclasses import replace

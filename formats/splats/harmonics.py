@@ -1,7 +1,5 @@
 """Real spherical harmonics up to degree 3 with the Condon–Shortley phase, as 3DGS uses them."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -3,8 +3,6 @@
 It imports no reader, so that the keys of mesh readers do not depend on them.
 """
 
-from __future__ import annotations
-
 from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from typing import Any

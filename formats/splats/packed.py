@@ -5,8 +5,6 @@ without a header. SPZ holds one stream for each attribute, gzip-compressed toget
 each by Zstandard in version 4; its axes are right, up, backward.
 """
 
-from __future__ import annotations
-
 import io
 import struct
 import zlib

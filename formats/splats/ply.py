@@ -4,8 +4,6 @@ Layouts: the reference code of Kerbl et al. (2023) for the first; the PlayCanvas
 for the second: chunks of 256 Gaussians share bounds, between which 32-bit words interpolate.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The header of a PLY file, and its binary rows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

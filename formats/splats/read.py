@@ -1,7 +1,5 @@
 """Read Gaussian splats of any file format."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..core.errors import FileFormatError

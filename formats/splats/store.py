@@ -9,8 +9,6 @@ splats.npz
   antialiased  () bool
 """
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

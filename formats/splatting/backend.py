@@ -5,8 +5,6 @@ activated, world-to-camera matrices with z forward, harmonics as 3DGS has them, 
 half numbers. No machine with CUDA has run this module yet.
 """
 
-from __future__ import annotations
-
 import importlib
 from importlib.util import find_spec
 from typing import Any, Protocol

@@ -1,7 +1,5 @@
 """Kernels: sort projected Gaussians by depth, and blend them tile by tile, front to back."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

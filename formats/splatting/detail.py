@@ -4,8 +4,6 @@ A merged Gaussian has the mean and covariance of those it stands for, weighted b
 and an opacity that lets as much light through.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

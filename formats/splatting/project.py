@@ -4,8 +4,6 @@ Zwicker et al., "EWA splatting" (2002), as Kerbl et al. (2023) use it: the covar
 the Jacobian of the perspective projection, and a pixel's blur of 0.3 px² is added.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Read untrusted NumPy files: without pickle, and within a limit of memory."""
 
-from __future__ import annotations
-
 import io
 import zipfile
 import zlib

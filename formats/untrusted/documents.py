@@ -1,7 +1,5 @@
 """Parse JSON and TOML from untrusted sources, within limits of size, nesting and values."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from pathlib import Path

@@ -5,8 +5,6 @@ downloaded is followed only within that folder. Opening never blocks on a FIFO a
 device.
 """
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Iterator

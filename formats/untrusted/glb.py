@@ -3,8 +3,6 @@
 Layout: Khronos Group, glTF 2.0 specification, section 4 (GLB File Format).
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

@@ -4,8 +4,6 @@ No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 labels=500
 environment raises (or lowers) some; docs/security.md lists them all.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, fields, replace
 

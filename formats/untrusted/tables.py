@@ -1,7 +1,5 @@
 """Read Parquet files from untrusted sources, within a limit of memory."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Parse YAML from untrusted sources, within limits of size, nesting and expanded aliases."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -3,8 +3,6 @@
 Each uses one thread, since episodes run in parallel, and gives the same bytes for the same frames.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from ..core.errors import check_name

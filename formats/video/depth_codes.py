@@ -7,8 +7,6 @@ depth_min = 0, so that code 0 means exactly 0 m, which we keep for invalid; a va
 gets a code ≥ 1. With a far limit of 20 m a step is 1.6 mm at 0 m, 2.1 mm at 1 m and 11 mm at 20 m.
 """
 
-from __future__ import annotations
-
 import functools
 import math
 

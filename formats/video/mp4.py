@@ -5,8 +5,6 @@ most one decode away from a key frame, and no B-frames, so that decode order is 
 stream copies keep exact timestamps.
 """
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Callable, Iterable, Iterator

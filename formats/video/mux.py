@@ -1,7 +1,5 @@
 """Copy encoded packets: join videos, and convert between videos and bare streams."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Iterator, Sequence
 from fractions import Fraction

@@ -5,8 +5,6 @@ run by root, as in containers, that thread and every process it starts afterward
 aside, and a lock that spins for one of these may never come free.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Callable, Iterator

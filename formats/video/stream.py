@@ -1,7 +1,5 @@
 """Open videos, and read their packets and frames, noticing what is damaged or missing."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

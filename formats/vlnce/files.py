@@ -5,8 +5,6 @@ world-frame `Episode` records in the same schema. Our extra keys lie in `info.vl
 Habitat's loader accepts only the known keys at an episode's top level, but any in `info`.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Mapping, Sequence

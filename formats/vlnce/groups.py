@@ -4,8 +4,6 @@ R2R describes each path three times, in three episodes. `group_by_path` joins th
 with the id of the first; `ungroup` restores the original episodes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Load the JSON document of a VLN-CE episode file, within limits that no honest file reaches."""
 
-from __future__ import annotations
-
 import gzip
 import zlib
 from pathlib import Path

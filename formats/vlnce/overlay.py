@@ -1,7 +1,5 @@
 """Put a record's values back into the JSON it was read from, without losing anything else."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 from typing import Any
 

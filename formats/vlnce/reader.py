@@ -1,7 +1,5 @@
 """Strict reading of one VLN-CE episode."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any

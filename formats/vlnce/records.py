@@ -1,7 +1,5 @@
 """The records of VLN-CE episode files, in Habitat coordinates, as the files have them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any

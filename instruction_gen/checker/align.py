@@ -5,8 +5,6 @@ one may be after the claims so far and a number of turns. Each claim moves the s
 that leaves none is false where it stands.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

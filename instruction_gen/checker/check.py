@@ -1,7 +1,5 @@
 """The verdict on a text."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

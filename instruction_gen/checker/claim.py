@@ -1,7 +1,5 @@
 """What a noun phrase claims: a place of the path, a door gone through, or something false."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What each clause of a text claims, in order."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Whether a text is an instruction in English at all, and nothing else is hidden in it."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 

@@ -1,7 +1,5 @@
 """Where along a path a claim about a room or a door is true."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

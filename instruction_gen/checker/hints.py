@@ -4,8 +4,6 @@
 reads for certain. Such a side accounts for a turn that no clause states, and claims nothing.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 

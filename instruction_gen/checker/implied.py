@@ -1,7 +1,5 @@
 """Turns that a text need not tell, because what it names next leads around them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..facts.records import TurnFact

@@ -1,7 +1,5 @@
 """What a text claims about its end."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

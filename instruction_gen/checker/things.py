@@ -1,7 +1,5 @@
 """Where along a path a claim about a thing is true."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Write several texts for one path, each of them checked."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 

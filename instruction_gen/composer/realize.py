@@ -1,7 +1,5 @@
 """Turn steps into sentences."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

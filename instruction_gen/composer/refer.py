@@ -1,7 +1,5 @@
 """How to call a thing so that it is clear which one is meant."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

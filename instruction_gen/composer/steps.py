@@ -1,7 +1,5 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

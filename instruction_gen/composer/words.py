@@ -3,8 +3,6 @@
 `{s}` is a side, `{B}` the room entered, `{A}` the room left, `{X}` and `{Y}` things, `{n}` metres.
 """
 
-from __future__ import annotations
-
 TURN = (
     "turn {s}", "take a {s}", "turn to the {s}", "make a {s}", "go {s}", "turn {s} and keep going",
     "make a {s} turn", "turn to your {s}",

@@ -1,7 +1,5 @@
 """A reference path as the sequence of things one does along it: turns and room changes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Build the facts of a path from its geometry, the scene's labels and what the camera saw."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """A colour's name, where there is no doubt about it."""
 
-from __future__ import annotations
-
 import colorsys
 
 

@@ -1,7 +1,5 @@
 """The doorways of a level, from where its rooms meet."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label

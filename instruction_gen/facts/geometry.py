@@ -1,7 +1,5 @@
 """Where things are from a path: distances, bearings and walls between, for all at once."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

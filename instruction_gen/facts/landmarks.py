@@ -1,7 +1,5 @@
 """The landmarks of a path: things near it, as the map and the robot's camera show them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The facts of one path: everything that a text about it may say."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 FACTS_VERSION = 4

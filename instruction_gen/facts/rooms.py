@@ -1,7 +1,5 @@
 """What people call the rooms of a level: by their labels, or by what stands in them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

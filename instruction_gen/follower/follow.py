@@ -7,8 +7,6 @@ little, a sub-goal that cannot be met ends a way. The cheapest way that is left 
 none is left, the follower is lost.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

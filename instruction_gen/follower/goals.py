@@ -1,7 +1,5 @@
 """A text as sub-goals."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..language.announced import readings

@@ -1,7 +1,5 @@
 """How well each cell of a tree of ways is the place that a noun phrase names."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

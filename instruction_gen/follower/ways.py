@@ -1,7 +1,5 @@
 """The shortest ways from a pose to every place of a level, as one tree of grid cells."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from skimage.graph import MCP_Geometric

@@ -1,7 +1,5 @@
 """Goals that a text says first, before the way to them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What a text says, clause by clause."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 

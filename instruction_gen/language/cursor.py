@@ -1,7 +1,5 @@
 """The state of a reader: the tokens of a text, and the clause that is being read."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 from .clauses import Clause, Noun

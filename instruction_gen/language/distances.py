@@ -1,7 +1,5 @@
 """Reading distances: `four metres`, `about 3 m`, `a couple of steps`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from .lexicon import NUMBERS, UNITS_M

@@ -1,7 +1,5 @@
 """Where a text says to stop."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Verbs, prepositions, joints and other small words of route instructions, as plain tables."""
 
-from __future__ import annotations
-
 VERBS = {
     "turn": """turn turning bearing veering veer bear angle swing rotate pivot curve bend hook hang
         spin face bends curves drift slant swerve lean""",

@@ -3,8 +3,6 @@
 The grammar reads word by word; `make a turn to the left` and `come to rest` are replaced before.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache

@@ -4,8 +4,6 @@ A label of a scan reaches a text only through these tables: a label with a word 
 them names no landmark. So labels stay data, whatever they say.
 """
 
-from __future__ import annotations
-
 # canonical noun = synonyms < kinds it may also be called; a comma goes on in the next line.
 _OBJECTS = """
 sofa=sectional,divan,chesterfield,futon,three-seater,

@@ -1,7 +1,5 @@
 """From a scan's labels to nouns that may be said, and back."""
 
-from __future__ import annotations
-
 import re
 from functools import cache
 

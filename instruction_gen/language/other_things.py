@@ -5,8 +5,6 @@ holds (`the gap`, `the open stretch`). A noun of this table is a thing that can 
 landmark of a scene answers to it, a text that names it invents it.
 """
 
-from __future__ import annotations
-
 OTHER_THINGS = frozenset(
     """accordion airplane altar anchor antelope anvil apple aquarium arcade armadillo arrow atm
     baby backpack ball balloon banana banjo banner barbecue barbell barrel baseball bathrobe

@@ -9,8 +9,6 @@ Verbs, prepositions and sides come from tables, nouns from the lexicon. A noun t
 is kept as `unknown`, because a text must not mention things that do not exist.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from .clauses import Parse

@@ -1,7 +1,5 @@
 """Reading noun phrases."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from .clauses import Noun

@@ -1,7 +1,5 @@
 """Sides in a text: of a turn, of the noun beside them, or of what comes next."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

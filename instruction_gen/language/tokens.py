@@ -1,7 +1,5 @@
 """Words, numbers and punctuation, with their places in the text."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

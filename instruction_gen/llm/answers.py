@@ -1,7 +1,5 @@
 """What a model must answer, validated."""
 
-from __future__ import annotations
-
 import json
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The facts as sent to a model, and the prompts with their hash."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Sequence

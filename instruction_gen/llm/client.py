@@ -1,7 +1,5 @@
 """One request to a model: cached by content, retried, counted; the key appears nowhere."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import os

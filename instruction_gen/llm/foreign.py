@@ -5,8 +5,6 @@ rooms and common things, colours, counts and ordinals. What cannot: prepositions
 the tables.
 """
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Words of indoor routes in Chinese and Hindi; nouns with patterns of what the English may say."""
 
-from __future__ import annotations
-
 SCRIPT = {"zh": "CJK UNIFIED", "hi": "DEVANAGARI"}
 LEFT = {"zh": r"左", "hi": r"बाएँ|बाएं|बायीं|बाईं|बायें|बाँए|बाँई"}
 RIGHT = {"zh": r"右", "hi": r"दाएँ|दाएं|दायीं|दाईं|दायें|दाहिन"}

@@ -1,7 +1,5 @@
 """A small model on disk (GGUF) through llama-cpp-python, which the user installs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ...formats.core.checkout import install_command

@@ -1,7 +1,5 @@
 """Settings of a language model. The API key is not among them: it stays in the environment."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ depth image says where they are. Its names are data like any label: one that is 
 lexicon names nothing.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Texts by a model, each checked; those that fail three times are written by the composer."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Decisions of annotators: an append-only file, so that none is lost and all can be undone."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

@@ -1,7 +1,5 @@
 """The review page's server: on this machine only, protected by a token."""
 
-from __future__ import annotations
-
 import json
 import secrets
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Whether a row's agents fit the episodes that they were trained on."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from .evaluate import Summary

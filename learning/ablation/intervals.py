@@ -1,7 +1,5 @@
 """Confidence intervals of means and of differences."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

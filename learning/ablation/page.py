@@ -1,7 +1,5 @@
 """An ablation's report as one HTML page, from its Markdown."""
 
-from __future__ import annotations
-
 import io
 import math
 from collections.abc import Mapping

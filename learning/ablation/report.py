@@ -1,7 +1,5 @@
 """An ablation as tables: Markdown for people, JSON for programs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Run an ablation from recipe to scores; finished trainings are reused."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import re

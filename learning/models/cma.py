@@ -6,8 +6,6 @@ not depend on the second, so that a whole episode is computed at once. The progr
 of the heads; its loss has a weight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import torch

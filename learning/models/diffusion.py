@@ -1,7 +1,5 @@
 """Denoising diffusion (DDPM; Ho et al., 2020) with the squared-cosine schedule."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

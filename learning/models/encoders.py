@@ -1,7 +1,5 @@
 """Image encoders: small convolutional ones, or torchvision's with weights from a file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from pickle import UnpicklingError
 from typing import Self

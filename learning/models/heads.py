@@ -1,7 +1,5 @@
 """The heads of the models that choose discrete actions."""
 
-from __future__ import annotations
-
 from torch import Tensor, nn
 
 from ...datasets.sequences import ACTIONS

@@ -7,8 +7,6 @@ is done, from which it stops. Where the paper's encoders are pretrained (LongCLI
 are those of `ModelConfig`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

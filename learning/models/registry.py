@@ -1,7 +1,5 @@
 """The registry of models."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...datasets.tokens import Tokens

@@ -1,7 +1,5 @@
 """What the models have in common: how they see, how they read, and how they attend."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

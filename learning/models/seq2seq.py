@@ -4,8 +4,6 @@ Images and the whole instruction's summary enter it at every step. Unlike CMA it
 and does not see its previous action.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import torch

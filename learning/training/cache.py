@@ -1,7 +1,5 @@
 """Whole episodes decoded once, at the size they are trained with, and kept on disk."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection
 from dataclasses import replace

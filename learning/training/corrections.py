@@ -1,7 +1,5 @@
 """Episodes that a policy walked and an expert corrected (DAgger; Ross et al., 2011)."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Curves of a training, and the checkpoint that is chosen by them."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Callable, Mapping

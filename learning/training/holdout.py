@@ -1,7 +1,5 @@
 """The trajectories that are held out of all trainings."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass

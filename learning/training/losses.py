@@ -1,7 +1,5 @@
 """The training losses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import torch

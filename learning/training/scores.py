@@ -1,7 +1,5 @@
 """How well a model predicts single steps, given the true steps before (teacher forcing)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import torch

@@ -1,7 +1,5 @@
 """One training from a recipe to a checkpoint: data, holdout, card."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

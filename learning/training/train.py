@@ -1,7 +1,5 @@
 """Train a model on a mixture; an interrupted training resumes from its last state."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence

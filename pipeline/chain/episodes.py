@@ -1,7 +1,5 @@
 """From scans to instructed episodes: `scan` to `repair`, then `sample` or `filter` and `align`."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """From episodes to datasets: `replay`, `render`, `export` of one robot under one controller."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -1,7 +1,5 @@
 """What all stages of one run share."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """`vlnpe benchmark`: policies x robots x controllers on the same episodes."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

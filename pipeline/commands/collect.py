@@ -1,7 +1,5 @@
 """`vlnpe collect`: run the whole pipeline, reusing finished work."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commands for existing data: `convert` between formats, `restore` after LeRobot's tools."""
 
-from __future__ import annotations
-
 from ...formats.convert.restore import restore
 from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ

@@ -1,7 +1,5 @@
 """Commands for closed loop: `evaluate` and `compare`."""
 
-from __future__ import annotations
-
 import json
 import logging
 import shlex

@@ -1,7 +1,5 @@
 """`vlnpe instruct`: texts for the paths of one episode file."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Mapping
 from pathlib import Path

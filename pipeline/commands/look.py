@@ -1,7 +1,5 @@
 """Commands that inspect a run or this machine: `verify`, `report`, `doctor`."""
 
-from __future__ import annotations
-
 import json
 import sys
 from contextlib import nullcontext

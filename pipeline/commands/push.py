@@ -1,7 +1,5 @@
 """`vlnpe push`: publish a dataset on the Hugging Face Hub; a dry run by default."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """`vlnpe review`: people accept, edit or reject instructions on a local page."""
 
-from __future__ import annotations
-
 import sys
 import webbrowser
 

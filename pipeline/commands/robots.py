@@ -1,7 +1,5 @@
 """`vlnpe robots`: list robots, render them, and export one as a template."""
 
-from __future__ import annotations
-
 import json
 import sys
 from dataclasses import asdict, dataclass, field

@@ -1,7 +1,5 @@
 """Commands for the later stages: `replay`, `render`, `export`."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from ...collectors.rendering.camera.extras import Extras

@@ -1,7 +1,5 @@
 """Commands that make scenes: `scan`, `repair`."""
 
-from __future__ import annotations
-
 from ...formats.core.errors import InputError
 from ...scene_repair.config import RepairConfig
 from ..engine.context import run_single

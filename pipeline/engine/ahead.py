@@ -7,8 +7,6 @@ so that these find them done. Whatever cannot be done so (an executor that canno
 kills its worker) is left to the stages, which change nothing about the result.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The manifest's JSON with its own SHA-256, and the journal's lines with their checksums."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import zlib

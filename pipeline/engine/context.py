@@ -1,7 +1,5 @@
 """Open a ledger with worker processes: that of an output folder, or that of a single output."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

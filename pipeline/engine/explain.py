@@ -1,7 +1,5 @@
 """Say why an item runs or is reused: which part of what it is made of has changed."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass

@@ -6,8 +6,6 @@ it within one machine; there the holder renews the file's time, and a holder tha
 for `STALE_S` is taken for dead.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

@@ -1,7 +1,5 @@
 """What is kept of an item that ran: its row, and of a failure the traceback and a command."""
 
-from __future__ import annotations
-
 import errno
 import glob
 import logging

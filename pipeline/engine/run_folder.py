@@ -1,7 +1,5 @@
 """Where everything lies in a run folder."""
 
-from __future__ import annotations
-
 import errno
 import hashlib
 import re

@@ -1,7 +1,5 @@
 """Run a stage's items: skip what is done, run the rest in parallel, quarantine what fails."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

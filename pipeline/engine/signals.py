@@ -1,7 +1,5 @@
 """End a command on SIGINT, SIGTERM or SIGHUP within seconds, in one line, without a traceback."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import select

@@ -1,7 +1,5 @@
 """Work items: what is to be done, under which key, and with which outputs."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

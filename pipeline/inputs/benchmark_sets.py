@@ -1,7 +1,5 @@
 """Benchmarks that anyone can repeat: generated scenes and episodes, fixed by digest."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The robots of a run: which ones take part under which controllers, and copies of a user's own."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path

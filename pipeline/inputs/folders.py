@@ -1,7 +1,5 @@
 """Folders that a user names: of scans, of repaired scenes, and for results."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...formats.core.checkout import program

@@ -1,7 +1,5 @@
 """Views that a user names on the command line."""
 
-from __future__ import annotations
-
 from ...collectors.rendering.camera.views import CameraOverrides, View, parse_views
 from ...collectors.rendering.light.lights import LIGHTS
 from ...collectors.rendering.registry import AUTO, chosen_renderer

@@ -1,7 +1,5 @@
 """Convert one recorded episode, or a dataset of them, into another format."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from enum import StrEnum

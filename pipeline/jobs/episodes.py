@@ -1,7 +1,5 @@
 """Sample, filter and align episodes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Let a policy walk one episode in closed loop."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path

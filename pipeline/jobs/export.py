@@ -1,7 +1,5 @@
 """Write rendered episodes as LeRobot v3."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path

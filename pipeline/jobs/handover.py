@@ -4,8 +4,6 @@ Reading a rollout takes a tenth as long as walking it, and decoding depth four t
 encoding it. Files count, not what was meant to be in them: if one was replaced since, it is read.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Write rendered episodes as MCAP files that Foxglove shows."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path

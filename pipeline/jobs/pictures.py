@@ -1,7 +1,5 @@
 """Images and videos for the report, and preview videos."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

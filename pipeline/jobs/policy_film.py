@@ -1,7 +1,5 @@
 """Film one episode of an evaluation for its report."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Render a recorded rollout."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Replay an episode in physics."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """Write the page that shows a run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

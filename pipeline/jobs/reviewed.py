@@ -1,7 +1,5 @@
 """Apply the decisions of `vlnpe review` to a rollout before it is exported."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The command line that options came from."""
 
-from __future__ import annotations
-
 import shlex
 from dataclasses import MISSING, fields
 from pathlib import Path

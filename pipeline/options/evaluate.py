@@ -1,7 +1,5 @@
 """Options of the commands for closed loop: `evaluate`, `compare`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Options of the commands from rollouts to data: `replay`, `render`, `export`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Options of the commands that run many items."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..engine.executors.base import LOCAL, Execution

@@ -1,7 +1,5 @@
 """Options of the commands that make scenes: `scan`, `repair`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

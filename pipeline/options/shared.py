@@ -1,7 +1,5 @@
 """Options that several commands share; those of one command beside them are in its own module."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Build the report page of a run folder."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version

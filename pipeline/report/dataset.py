@@ -1,7 +1,5 @@
 """The dataset in figures, split by split: lengths, words, actions, rooms, and a word cloud."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """The report's failures: what went wrong, and a clip of how."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from pathlib import Path

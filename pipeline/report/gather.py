@@ -1,7 +1,5 @@
 """Metrics of a run, read from its ledger."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

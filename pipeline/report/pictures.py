@@ -1,7 +1,5 @@
 """The images of a report, and their inclusion in the page."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

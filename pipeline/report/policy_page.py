@@ -1,7 +1,5 @@
 """The report page of an evaluation: results, films of every kind of ending, all episodes."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version

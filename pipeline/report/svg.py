@@ -1,7 +1,5 @@
 """Plain SVG figures: curves of histograms, bars, a word cloud."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

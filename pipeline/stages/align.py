@@ -1,7 +1,5 @@
 """Stages `filter` and `align`: from users' VLN-CE files to episodes in repaired scenes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stages `lerobot`, `mcap` and `n1`: recorded episodes from one format to another."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is to be converted, and stage `unit`: each of its episodes as a unit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

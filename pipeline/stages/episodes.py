@@ -1,7 +1,5 @@
 """Stage `sample`, and the joining of episode files: what the robots will be asked to do."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path

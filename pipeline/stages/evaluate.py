@@ -1,7 +1,5 @@
 """Stage `evaluate`: episodes in closed loop, in a folder of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stage `instruct`: write the instructions of every path."""
 
-from __future__ import annotations
-
 from ...instruction_gen.llm.brief import prompts_sha256
 from ..engine.ledger import Ledger
 from ..engine.runner import StageSummary

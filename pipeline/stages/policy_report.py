@@ -1,7 +1,5 @@
 """Stage `films` and the report page of an evaluation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path

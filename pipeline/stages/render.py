@@ -1,7 +1,5 @@
 """Stage `render`: pixels from recorded states."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Stages `scan`, `repair` and `soundness`: from a seed or a scan to a simulation-ready scene."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Stages `pictures` and `report`: the page that shows a run."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace

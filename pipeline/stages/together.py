@@ -1,7 +1,5 @@
 """Stages `replay` to `mcap` of one robot and view, an episode at a time; see `engine.ahead`."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast

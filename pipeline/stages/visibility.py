@@ -1,7 +1,5 @@
 """Stage `look`: what the robot's own camera sees along the paths, for the instructions."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...collectors.robots import get_robot

@@ -1,7 +1,5 @@
 """Addresses of run folders in an object store, and the local folder that each is worked on in."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import re

@@ -5,8 +5,6 @@ holder of this machine that is dead is replaced at once, one of another machine 
 not been renewed while this process watched for `STALE_S`: no two clocks are compared.
 """
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 import logging

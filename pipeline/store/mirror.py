@@ -6,8 +6,6 @@ a file that it names is replaced or removed, so that at any moment every row of 
 has its files; a machine that dies loses the items of its last minute at most.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """Check that no episode got lost between two stages: each is done or quarantined in the next."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Cross-check the tables, the index, the videos and the splits of one LeRobot dataset."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from itertools import combinations

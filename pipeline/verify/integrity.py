@@ -1,7 +1,5 @@
 """Compare the files of a run with the records that its manifest keeps of them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path

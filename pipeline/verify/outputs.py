@@ -1,7 +1,5 @@
 """Open each output of a run with a reader, and check that its parts agree."""
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """`vlnpe verify`: hash every file of a run, open every output, and compare what they say."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Cover voxels with few axis-aligned boxes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

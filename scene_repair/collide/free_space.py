@@ -1,7 +1,5 @@
 """Free space of a robot, and the surfaces it can touch."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage

@@ -1,7 +1,5 @@
 """Physics and planning of one level: height field, boxes and freemap from the repaired mesh."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ The tight extent lets collision boxes end where the surface ends instead of at t
 so a doorway keeps its width.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

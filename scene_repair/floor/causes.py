@@ -1,7 +1,5 @@
 """Judge what made a gap in a floor by what lies around it: a defect of the scan, or a real gap."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

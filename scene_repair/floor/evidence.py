@@ -1,7 +1,5 @@
 """Evidence per cell of a level: floor, walls, ceiling, furniture, depth below."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which cells of a level are filled, with which heights, and which faces are its floor."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage

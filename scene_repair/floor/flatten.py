@@ -1,7 +1,5 @@
 """Flatten bumps, spikes and dents of a scanned floor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The floor as a height field: smoothed, and extended to all cells."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Gaps in a level's floor: defects that a person would expect to be floor, and real openings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Find storeys: which horizontal surfaces are floors, and which floors belong together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

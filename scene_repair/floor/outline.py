@@ -1,7 +1,5 @@
 """Trace outlines of faces and cells as closed polygons that keep the vertices exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Triangulated patches that close holes and share the rim's vertices."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The exact area that patches may cover: filled cells, up to the rim and the walls."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

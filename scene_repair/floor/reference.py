@@ -1,7 +1,5 @@
 """The reference floor: a smooth height in every cell, known or missing."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

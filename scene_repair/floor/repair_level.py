@@ -1,7 +1,5 @@
 """Repair one level's floor: flatten, find holes, patch, paint."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import partial
 

@@ -1,7 +1,5 @@
 """Connected horizontal surfaces: floors, table tops, beds, stair treads, ceilings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

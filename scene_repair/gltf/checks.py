@@ -1,7 +1,5 @@
 """Check sizes, references and features of a glTF file before a library relies on them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A parsed glTF file: its JSON tree, its buffers and the images of its materials."""
 
-from __future__ import annotations
-
 import base64
 import binascii
 import io

@@ -1,7 +1,5 @@
 """Assign images to the materials of a glTF file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

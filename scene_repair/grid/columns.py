@@ -4,8 +4,6 @@ This turns a triangle soup of any quality into something that can be reasoned ab
 sorted list of surfaces from the lowest to the highest.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Typed access to the image operations used on cell maps."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

@@ -1,7 +1,5 @@
 """Horizontal cuts through a level, which show upright surfaces."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Combine the labels of a scan: its own, a labels file's, and a `.house` file's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Categories of objects, from node names and label files."""
 
-from __future__ import annotations
-
 import re
 
 from ...formats.scene.things import THINGS as THINGS

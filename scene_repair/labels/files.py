@@ -1,7 +1,5 @@
 """Read label files beside a scan: vlnpe's format, and that of headset room scans."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -4,8 +4,6 @@ The format (lines whose first letter is their kind, fields separated by blanks) 
 the data set's "data organization" document.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

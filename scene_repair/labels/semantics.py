@@ -1,7 +1,5 @@
 """Label faces with categories, and list the named objects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Bounds of a scan without stray triangles far away from it."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Infer the unit of length from room heights, door heights and the overall size."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

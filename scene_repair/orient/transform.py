@@ -1,7 +1,5 @@
 """Find up axis, unit and tilt of a scan: the transform into the world."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Texture of filled floor: an orthographic image of the scanned floor, continued into holes."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image

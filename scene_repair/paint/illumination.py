@@ -1,7 +1,5 @@
 """Split a floor's colours into illumination (low frequencies) and pattern (the rest)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

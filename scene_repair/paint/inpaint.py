@@ -11,8 +11,6 @@ Patterns are copied from plain floor: not from rugs, sunlit patches, and the flo
 scans paint with what stands there; unless a hole's surroundings are not plain themselves.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

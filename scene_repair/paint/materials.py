@@ -1,7 +1,5 @@
 """Sample colours of surface points: base colour times texture."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

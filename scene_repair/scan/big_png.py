@@ -1,7 +1,5 @@
 """Downscale a large PNG image while it is decoded, a few rows at a time."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

@@ -3,8 +3,6 @@
 Splats are only recognised here: an edit of what fuses them must not repair meshes again.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from PIL import Image

@@ -3,8 +3,6 @@
 Imports little, since the command line uses it, too.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError

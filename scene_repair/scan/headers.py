@@ -1,7 +1,5 @@
 """Check the headers of mesh and point cloud files before a library relies on them."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Decode untrusted images in bounded memory, or skip them with a warning."""
 
-from __future__ import annotations
-
 import io
 import warnings as python_warnings
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Read mesh files (GLB, glTF, OBJ, PLY, STL, OFF) with trimesh."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import warnings as warnings_module

@@ -1,7 +1,5 @@
 """Drop the faces of an OBJ file whose vertices do not exist, which the library refuses."""
 
-from __future__ import annotations
-
 import re
 
 _VERTEX = re.compile(rb"^[ \t]*v[ \t]", re.MULTILINE)

@@ -7,8 +7,6 @@ are. Everything is seeded and runs on one thread, so that the same file gives th
 # open3d comes with an extra, and ships no stubs of its compiled part.
 # pyright: reportMissingImports=false, reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import importlib.util
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The output of a reader in a child process, and its exchange format: arrays and a table."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass

@@ -3,8 +3,6 @@
 Colours are sRGB; the transfer function is below.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Resolve a scan's references, confined to its own folder."""
 
-from __future__ import annotations
-
 import io
 from pathlib import Path
 from typing import Any

@@ -4,8 +4,6 @@ Libraries in C++ crash, hang, or take all memory on damaged files. Here they may
 ends, and the parent says why.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import resource

@@ -1,7 +1,5 @@
 """Merge the parts that a reader found into one triangle soup; bake vertex colours into textures."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

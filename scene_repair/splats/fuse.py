@@ -4,8 +4,6 @@ Lengths are normalised first, so that a building of ordinary size has voxels of 
 fusion's thresholds are made for rooms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import numpy as np

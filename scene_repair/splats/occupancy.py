@@ -6,8 +6,6 @@ columns along −x). That code is the only source for the direction of the axes,
 against the splats.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Read Gaussian splats as a scan: the surface fused from them, and the splats themselves."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path

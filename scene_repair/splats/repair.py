@@ -1,7 +1,5 @@
 """Repair a scan of Gaussian splats into a simulation-ready scene."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 No unit is known yet, so that every length follows from the extent of the capture itself.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ lets nearly all light through. Nothing else lies in their plane, so that each ma
 to its neighbours.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -12,8 +12,6 @@ Run as a module it is the child that `read_usd_splats` starts: USD's library may
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import json
 import sys
 import zlib

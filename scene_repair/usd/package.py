@@ -1,7 +1,5 @@
 """USDZ packages: ZIP files with uncompressed members."""
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path, PurePosixPath
 

@@ -1,7 +1,5 @@
 """Triangulate polygons of any number of corners."""
 
-from __future__ import annotations
-
 import mapbox_earcut
 import numpy as np
 from numpy.typing import NDArray

@@ -3,8 +3,6 @@
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 from pxr import Kind, Usd, UsdGeom
 
 from ..labels.categories import category_of_name

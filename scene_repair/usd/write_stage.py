@@ -20,8 +20,6 @@ none. Labels are written twice: as UsdSemantics' `semantics:labels:class`, and a
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Check that holes listed as filled are closed, and that remaining gaps are listed."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import cv2

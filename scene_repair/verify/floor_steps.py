@@ -1,7 +1,5 @@
 """Find height steps of a written floor, and whether scan or repair introduced them."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Drop balls onto written triangles in MuJoCo."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

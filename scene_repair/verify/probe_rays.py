@@ -1,7 +1,5 @@
 """Shoot rays down onto a written floor, on a grid of probes finer than its cells."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

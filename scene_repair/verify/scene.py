@@ -1,7 +1,5 @@
 """Verify that the written floor carries: rays onto every cell, and balls dropped in MuJoCo."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The record of a repair in `repair.json`, and the doubts that are printed."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Draw before and after images: a level from above, ceiling removed, holes marked."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

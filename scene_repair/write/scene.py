@@ -1,7 +1,5 @@
 """Write a repaired scene: every file of the bundle."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Copy the scan's images into the bundle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from PIL import Image

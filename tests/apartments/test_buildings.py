@@ -1,7 +1,5 @@
 """Villas, houses and offices: properties of every generated building."""
 
-from __future__ import annotations
-
 import hashlib
 from collections import Counter
 from functools import cache

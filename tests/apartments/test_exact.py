@@ -1,7 +1,5 @@
 """The exact geometry of a building as a scan: what the reader and the repair make of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The generated apartment itself, before it is scanned."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The two-storey house, scanned and repaired: both levels, an open stairwell, flat episodes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

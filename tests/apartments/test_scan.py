@@ -1,7 +1,5 @@
 """The virtual scan of the built-in apartment, as files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

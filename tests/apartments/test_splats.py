@@ -1,7 +1,5 @@
 """Generated splat captures: on the exact surfaces, with the faults of real ones."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

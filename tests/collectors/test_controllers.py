@@ -1,7 +1,5 @@
 """Controllers by themselves, driving an ideal unicycle over the two-room map."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from itertools import pairwise

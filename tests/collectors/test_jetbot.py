@@ -1,7 +1,5 @@
 """The Jetbot at any scale, and its wheels: facts, driving, and episodes to the goal."""
 
-from __future__ import annotations
-
 import math
 
 import mujoco

@@ -1,7 +1,5 @@
 """Labels of every robot and controller lead where the robot went, and stops are stops."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """Metrics: known values on the two-room scene and properties that always hold."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Episodes that go wrong, all the way: their labels, the report's clips, what diverged."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """The compiled level model: floor, obstacles, robot, cache."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

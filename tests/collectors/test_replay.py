@@ -1,7 +1,5 @@
 """Replay in physics: every outcome, and proof that nothing but the servos moves the robot."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import fields, replace
 from itertools import pairwise

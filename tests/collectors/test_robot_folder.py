@@ -1,7 +1,5 @@
 """A user's own robot: it drives, travels to workers and stays in its run."""
 
-from __future__ import annotations
-
 import pickle
 import shutil
 from dataclasses import replace

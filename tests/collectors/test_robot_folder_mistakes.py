@@ -1,7 +1,5 @@
 """Mistakes in a robot's folder are reported in one line."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import shutil

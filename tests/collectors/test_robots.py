@@ -1,7 +1,5 @@
 """The robots as compiled: masses, limits, symmetry, camera, poses, and being found by name."""
 
-from __future__ import annotations
-
 import re
 
 import mujoco

@@ -1,7 +1,5 @@
 """`vlnpe robots`: the list, the pictures, and the exported folder."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

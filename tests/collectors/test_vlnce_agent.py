@@ -1,7 +1,5 @@
 """VLN-CE's bodyless agent: a cylinder that is placed, never driven, and seen only by others."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

@@ -1,7 +1,5 @@
 """Rows of an episode from a damaged file; the readers of torch are tested in `test_loaders`."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pyarrow as pa

@@ -1,7 +1,5 @@
 """Loaders against LeRobot's own reader, and against the walks they were written from."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Mixtures: recipes, what they choose, and the order in which it is drawn."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections import Counter

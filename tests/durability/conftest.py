@@ -1,7 +1,5 @@
 """A small run of the whole chain on a scan of two rooms, made by the command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

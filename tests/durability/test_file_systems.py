@@ -1,7 +1,5 @@
 """Full and read-only disks, no hard links, coarse times, clocks that jump."""
 
-from __future__ import annotations
-
 import errno
 import os
 import shutil

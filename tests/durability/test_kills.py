@@ -3,8 +3,6 @@
 Three points here; `make bench ONLY=durability` kills in every stage, several times.
 """
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

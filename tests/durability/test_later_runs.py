@@ -1,7 +1,5 @@
 """Later commands in the same folder: what they explain, keep, and run alone."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil

@@ -1,7 +1,5 @@
 """SIGTERM, Ctrl-C and SIGKILL: the command ends in a line, and no worker outlives it."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

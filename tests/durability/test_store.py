@@ -1,7 +1,5 @@
 """Run folders in an object store: a server that speaks S3's API, and real commands."""
 
-from __future__ import annotations
-
 import logging
 import re
 import shutil

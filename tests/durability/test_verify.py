@@ -1,7 +1,5 @@
 """`vlnpe verify`: whatever happens to a file of a run is found and named."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

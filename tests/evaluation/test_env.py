@@ -1,7 +1,5 @@
 """The environment: Gymnasium's contract, and that a policy meets the robot that collection met."""
 
-from __future__ import annotations
-
 import threading
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """The policy `map`: its map against the known rooms, and that it knows nothing else."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

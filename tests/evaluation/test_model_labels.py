@@ -1,7 +1,5 @@
 """The policy `map` with labels by a vision-language model over HTTP: a good one, bad ones, none."""
 
-from __future__ import annotations
-
 import base64
 import io
 import json

@@ -1,7 +1,5 @@
 """Policy servers: another process chooses, answers wrongly, late, or dies."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys

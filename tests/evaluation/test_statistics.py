@@ -1,7 +1,5 @@
 """Intervals that cover what they say, and the test of paired successes."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

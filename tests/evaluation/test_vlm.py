@@ -1,7 +1,5 @@
 """Actions in words, and a vision-language model over HTTP that answers well, badly, or not."""
 
-from __future__ import annotations
-
 import base64
 import io
 

@@ -1,7 +1,5 @@
 """`make evidence`: cells are made once, and the page says what they hold and what is missing."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Verdicts follow from intervals over seeds and scenes."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

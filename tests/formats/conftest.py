@@ -1,7 +1,5 @@
 """Fixtures that the tests of several formats share."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.support.runs.work import InlineWorkers

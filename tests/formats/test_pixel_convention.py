@@ -4,8 +4,6 @@ OpenCV's convention puts the centre of the first pixel at (0, 0): a pixel in col
 depth z is the point ((u − cx) z / fx, (v − cy) z / fy, z) of the optical frame.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """How strongly a text contradicts the facts, and which of its readings counts."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The follower: true texts lead it to the goal, false and shuffled ones do not."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

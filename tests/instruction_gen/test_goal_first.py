@@ -1,7 +1,5 @@
 """Texts that say their goal before the way to it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

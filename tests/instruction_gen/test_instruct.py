@@ -1,7 +1,5 @@
 """Instructions: true to the path and the scene, in English, and checked."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The grammar of instructions: idioms, names, sides, and what may be left unsaid."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

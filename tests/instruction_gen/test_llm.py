@@ -1,7 +1,5 @@
 """A language model as a writer, against a real HTTP server that misbehaves."""
 
-from __future__ import annotations
-
 import json
 import logging
 import signal

@@ -1,7 +1,5 @@
 """The review page: durable decisions, guarded server, and the page in a real browser."""
 
-from __future__ import annotations
-
 import http.client
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Things named by a vision-language model, over real HTTP."""
 
-from __future__ import annotations
-
 import base64
 
 import numpy as np

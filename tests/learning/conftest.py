@@ -1,7 +1,5 @@
 """Walks of two rooms, as data and as episodes, shared by the tests of learned policies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Ablations end to end on a small set, and the parts whose numbers must be right."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

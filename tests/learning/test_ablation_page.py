@@ -1,7 +1,5 @@
 """The ablation's page from made-up scores: its verdicts, words, intervals and width."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """Checkpoints that are damaged or from elsewhere, and states of other trainings."""
 
-from __future__ import annotations
-
 import json
 import pickle
 import shutil

@@ -1,7 +1,5 @@
 """Trained models meet in closed loop what they met in training, and do there what they learned."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Checkpoints that come with vlnpe are small, whole, and drive the robot by their names."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """`vlnpe train` from a recipe file to a policy that `vlnpe evaluate` takes."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The set-up finds interpreters, honours its stamp, calls uv with the right words; no network."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil

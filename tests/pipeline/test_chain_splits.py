@@ -1,7 +1,5 @@
 """A run of several splits: each path is walked once, with all of its instructions."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

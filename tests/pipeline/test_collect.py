@@ -1,7 +1,5 @@
 """The whole chain as a user runs it, and its outputs through readers that are not ours."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """`make dataset-bench`: what it asks `collect` for."""
 
-from __future__ import annotations
-
 import pytest
 
 from benchmarks import dataset

@@ -1,7 +1,5 @@
 """Figures of the dataset: they show what the episodes hold, as well-formed SVG."""
 
-from __future__ import annotations
-
 import re
 import xml.etree.ElementTree as ET
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """README, CONTRIBUTING and docs: their commands parse, and the files that they name exist."""
 
-from __future__ import annotations
-
 import re
 import shlex
 import subprocess

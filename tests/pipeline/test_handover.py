@@ -1,7 +1,5 @@
 """What jobs leave in memory is what the files hold."""
 
-from __future__ import annotations
-
 import os
 import pickle
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Low robots pass where a standing humanoid is stopped: a board across the only doorway."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """The installed package equals the source tree, and imports point to lower layers."""
 
-from __future__ import annotations
-
 import ast
 import subprocess
 import sys

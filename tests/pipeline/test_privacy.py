@@ -1,7 +1,5 @@
 """A run opens no socket and writes nothing outside its folder."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

@@ -1,7 +1,5 @@
 """The tables of both report pages fit the windows that people have, seen by a real browser."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import fields
 from pathlib import Path
@@ -57,10 +55,8 @@ def evaluation_page() -> str:
 
 def collection_page() -> str:
     # The longest cells of each kind.
-    long: dict[str, Any] = {"int": 1234, "float": 100.0, "float | None": 100.0}
-    values: dict[str, Any] = {
-        field.name: long.get(str(field.type), "aliengo") for field in fields(RobotRow)
-    }
+    long: dict[Any, Any] = {int: 1234, float: 100.0, float | None: 100.0}
+    values: dict[str, Any] = {f.name: long.get(f.type, "aliengo") for f in fields(RobotRow)}
     values["driven"] = "speed, open loop, 50 steps, seed 12"
     robots = [RobotRow(**values), RobotRow(**{**values, "robot": "my_own_robot"})]
     walk = {"robot": "aliengo", "controller": "speed", "outcome": "collision start"}

@@ -1,7 +1,5 @@
 """What is said when the scenes of a plan do not hold their paths."""
 
-from __future__ import annotations
-
 import pytest
 
 from vlnpe.formats.core.errors import InputError

@@ -1,7 +1,5 @@
 """Unsound scenes: reported, refused by `collect`, and listed in report and dataset card."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

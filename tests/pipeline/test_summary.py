@@ -1,7 +1,5 @@
 """What `collect` prints at its end fits a terminal and leaves nothing out."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -14,8 +12,8 @@ from vlnpe.pipeline.summary import elided, legend, looking_commands, robot_table
 
 
 def robot(**values: Any) -> RobotRow:
-    plain: dict[str, Any] = {"int": 0, "float": 100.0, "float | None": 12.34}
-    known = {f.name: plain.get(str(f.type), "aliengo") for f in fields(RobotRow)}
+    plain: dict[Any, Any] = {int: 0, float: 100.0, float | None: 12.34}
+    known = {f.name: plain.get(f.type, "aliengo") for f in fields(RobotRow)}
     return RobotRow(**{**known, "driven": "path", **values})
 
 

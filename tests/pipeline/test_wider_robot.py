@@ -1,7 +1,5 @@
 """A robot that joins a run later walks the paths that are there, if it has room on them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Vertical samples come sorted, in cells with few and with many surfaces above each other."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Planted holes are filled, decoys stay open; and the measure itself is sound."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Labels from several places at once, and Matterport's `.house` files."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Up and unit from the shape of buildings alone, whatever way a file is turned."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from functools import cache

@@ -1,7 +1,5 @@
 """What a robot can touch is an obstacle, what it can walk on is not, and doorways stay open."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Doorways stay open and thin things stay solid, wherever they lie between the voxels."""
 
-from __future__ import annotations
-
 import tempfile
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Holes of known shape are found and filled; openings that belong there stay open."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

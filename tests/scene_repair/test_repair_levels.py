@@ -1,7 +1,5 @@
 """Storeys, steps, ramps and sunken areas are distinguished from furniture, roofs and holes."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Floors painted into holes continue what lies around them; near faces are found at once."""
 
-from __future__ import annotations
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,7 +1,5 @@
 """Geometry from Gaussian splats: a room with a table, floaters, and a background outside."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

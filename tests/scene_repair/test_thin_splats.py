@@ -1,7 +1,5 @@
 """Thin spots of captures: loose sheets of faint Gaussians become surfaces, floaters do not."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Ways in which any input may be hostile, and the errors that readers must raise."""
 
-from __future__ import annotations
-
 import os
 import socket
 from collections.abc import Callable

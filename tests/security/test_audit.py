@@ -1,7 +1,5 @@
 """Licences of what is installed, and the look-up of known vulnerabilities."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The command line: hostile inputs end in one line and code 2, never in a traceback."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The fuzzer of `make bench`: it finds planted faults, and a little of it runs here."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Opening files, and documents of JSON, YAML and TOML: the part that all readers share."""
 
-from __future__ import annotations
-
 import json
 import os
 import tracemalloc

@@ -1,7 +1,5 @@
 """InternData-N1's layout: links, false arrays and tables, pickle, recursion, NaN."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

@@ -1,7 +1,5 @@
 """LeRobot folders: templates and names of info.json, links, false counts, NaN, recursion."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """MCAP: path traversal, decompression bombs, false sizes and counts, recursion, NaN."""
 
-from __future__ import annotations
-
 import io
 import json
 import struct

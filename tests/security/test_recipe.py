@@ -1,7 +1,5 @@
 """Recipes: anchor bombs, recursion, invalid numbers, and data patterns."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

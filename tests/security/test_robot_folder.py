@@ -1,7 +1,5 @@
 """A robot's folder reads nothing outside itself and cannot exhaust memory or disk."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

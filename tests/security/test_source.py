@@ -1,7 +1,5 @@
 """The source code: nothing in it unpickles, evaluates text, or runs a shell."""
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """VLN-CE episode files: bombs, counts, recursion, invalid numbers, path traversal in ids."""
 
-from __future__ import annotations
-
 import copy
 import gzip
 import json

@@ -1,7 +1,5 @@
 """What a page hides in a real browser: headless Chromium, if there is one."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

@@ -4,8 +4,6 @@ It has what any robot of the registry has (free base, servos, foot geoms with to
 IMU, an ego camera), and drives by wheel speeds, so tests need no trained policy.
 """
 
-from __future__ import annotations
-
 from functools import partial
 
 import mujoco

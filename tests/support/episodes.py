@@ -1,7 +1,5 @@
 """Episodes along given points, for tests that need no sampler."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

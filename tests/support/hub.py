@@ -13,8 +13,6 @@ Anything else is answered 501 and remembered in `Hub.unknown`. It does not know 
 prefers for uploads: clients need HF_HUB_DISABLE_XET=1.
 """
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import json

@@ -1,7 +1,5 @@
 """What the stand-in for the Hugging Face hub holds: repositories, commits, files."""
 
-from __future__ import annotations
-
 import hashlib
 import threading
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Datasets of made-up episodes, by our writer and by LeRobot's own."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Copies of MCAP files in which something is changed or left out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The poses that a motion leads through, and the room that a path has: what only tests ask."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """Folders of a user's robot: the documented rover, and exports of ours."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Made-up rollouts and rendered frames: kinematically consistent, no physics needed."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Small datasets of several robots for loaders, mixtures and ablations, by our own writer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A LeRobot dataset of walks that were really replayed and rendered, in a few seconds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

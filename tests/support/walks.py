@@ -1,7 +1,5 @@
 """Synthetic rollouts: a robot that glides along a polyline, for tests that need no physics."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

@@ -1,7 +1,5 @@
 """Habitat alignment and the stair filter."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
 from pathlib import Path

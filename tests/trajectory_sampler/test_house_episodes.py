@@ -4,8 +4,6 @@ The episodes are made of the exact house and written as R2R-CE writes them, with
 up, −z forward, quaternions xyzw.
 """
 
-from __future__ import annotations
-
 import gzip
 import json
 from collections.abc import Sequence

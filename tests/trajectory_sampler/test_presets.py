@@ -1,7 +1,5 @@
 """How many paths of which split each scene is asked for."""
 
-from __future__ import annotations
-
 from collections import Counter
 
 import pytest

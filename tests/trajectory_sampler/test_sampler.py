@@ -1,7 +1,5 @@
 """Sampling episodes."""
 
-from __future__ import annotations
-
 import re
 import shutil
 from collections import Counter

@@ -1,7 +1,5 @@
 """Distances between paths, and the index of similar ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

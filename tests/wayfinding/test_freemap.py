@@ -1,7 +1,5 @@
 """The planning map: clearance, geodesic distance, paths."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rooms of a level, and the crossings between them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from typing import cast

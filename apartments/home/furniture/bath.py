@@ -1,7 +1,5 @@
 """Bathroom fittings."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks import pictures

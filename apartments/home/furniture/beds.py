@@ -1,7 +1,5 @@
 """Beds with their nightstands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks.kit import Kit

@@ -1,7 +1,5 @@
 """Plants, lamps, rugs, pictures, curtains, radiators."""
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Kitchen: counter with sink and stove, wall cupboards, refrigerator."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks import pictures

@@ -1,7 +1,5 @@
 """Furniture of offices: desk islands, conference tables, whiteboards, filing cabinets."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks import pictures

@@ -1,7 +1,5 @@
 """Sofas and chairs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks.kit import Kit

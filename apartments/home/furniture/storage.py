@@ -1,7 +1,5 @@
 """Cupboards, shelves and what is in them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables and what stands on them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...looks import pictures

@@ -1,7 +1,5 @@
 """Cutting areas out of meshes: exactly along an outline, or whole triangles at a time."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

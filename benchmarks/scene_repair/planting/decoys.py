@@ -1,7 +1,5 @@
 """Openings that belong there: stairwells, lift shafts, courtyards, and what surrounds them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Planting holes into a scene: where they fit, and what the scan looks like afterwards."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

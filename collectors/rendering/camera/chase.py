@@ -1,7 +1,5 @@
 """A camera that follows a robot from behind and above and stays inside the room."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

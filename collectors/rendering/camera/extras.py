@@ -1,7 +1,5 @@
 """Optional videos beside RGB and depth: labels, objects, depth in whole millimetres."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The robot's body with its camera where a view wants it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -1,7 +1,5 @@
 """Rays of pixels. Directions have length 1 along the optical axis, so that t is planar depth."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Write a rendered rollout: videos, camera poses and intrinsics in one folder."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor

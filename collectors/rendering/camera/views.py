@@ -1,7 +1,5 @@
 """Views of a rollout: from the robot's own camera, from behind it, from above."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Offscreen drawing of a MuJoCo model through EGL: colours and exact depth in one pass."""
 
-from __future__ import annotations
-
 import atexit
 import functools
 from dataclasses import dataclass

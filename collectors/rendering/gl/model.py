@@ -1,7 +1,5 @@
 """Triangles and textures as MuJoCo models for drawing only."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 Drivers may crash, and a context that is created before workers fork cannot be used in them.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import os

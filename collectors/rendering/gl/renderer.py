@@ -5,8 +5,6 @@ the same light as the other renderer's is then computed per pixel. Without a gra
 code runs on Mesa's llvmpipe.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

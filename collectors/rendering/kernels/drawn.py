@@ -1,7 +1,5 @@
 """Kernels that light surfaces already found: a robot's hits, and pictures that OpenGL drew."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

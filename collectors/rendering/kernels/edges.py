@@ -1,7 +1,5 @@
 """Anti-aliasing: which pixels need more rays, and the mean of a pixel's rays."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

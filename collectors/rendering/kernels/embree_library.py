@@ -6,8 +6,6 @@ library's packet calls with the coherent flag take a third of the time and give 
 here through Embree's C interface, from kernels that numba compiles.
 """
 
-from __future__ import annotations
-
 import ctypes
 import ctypes.util
 import functools

@@ -5,8 +5,6 @@ shading. Footprints apart from shading take less time than both at once, since t
 the number of taps less often. Steps and helpers are inlined.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Packets of neighbouring rays that share one walk through Embree's ray structure."""
 
-from __future__ import annotations
-
 import ctypes
 import weakref
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """sRGB bytes and linear light (IEC 61966-2-1), as functions and as tables for kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -1,7 +1,5 @@
 """Light on a point of a surface: helpers that are inlined into kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -1,7 +1,5 @@
 """Texture filtering over a pixel's footprint, to be inlined into kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 from numba import njit
 

@@ -5,8 +5,6 @@ arrays do not overlap. The eight values are the corners of two mip levels' texel
 corners of a cube of the light grid.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ the share r² (n·u) / d² of the light on a surface with normal n (the form fac
 kernels in `surface_light` add them up.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -4,8 +4,6 @@ One number per cell and axis direction (McTaggart, "Half-Life 2 / Valve Source s
 read by kernels with a trilinear look-up weighted by the squares of the normal.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Registry of lights, as the parameters that the shading kernels need."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

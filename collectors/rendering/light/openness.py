@@ -4,8 +4,6 @@ Each cell and axis direction of a `CubeGrid` holds the share of the hemisphere t
 It is traced once per scene.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -4,8 +4,6 @@ Panels hang over open floor, a few metres apart. Their light with its shadows is
 scene into a `CubeGrid`; light reflected by floor and walls is added as a smooth share of it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter

@@ -1,7 +1,5 @@
 """A light in a scene: what can be computed once, independently of the camera."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

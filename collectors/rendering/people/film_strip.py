@@ -1,7 +1,5 @@
 """A film strip of a rendered episode: what its camera recorded, and the robot from behind."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Third-person clips and videos of rollouts, for people."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A level from above without its ceiling, and the mapping of world points to the picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

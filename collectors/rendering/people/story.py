@@ -1,7 +1,5 @@
 """Films of a policy's walk: its own view and one from behind, the instruction and its actions."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path

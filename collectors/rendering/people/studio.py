@@ -1,7 +1,5 @@
 """The studio for portraits: a large floor with a grid that fades into the background."""
 
-from __future__ import annotations
-
 import math
 import tempfile
 from pathlib import Path

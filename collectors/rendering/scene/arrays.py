@@ -1,7 +1,5 @@
 """Conversion of a scene's mesh and materials to arrays for kernels."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Tessellation of MuJoCo's primitive shapes: triangles with normals, in the geom's frame."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import mujoco

@@ -1,7 +1,5 @@
 """A robot's body for the renderers: tessellated once, posed per frame."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

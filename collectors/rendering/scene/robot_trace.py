@@ -4,8 +4,6 @@ Rays are transformed to the geoms, so that nothing is rebuilt when the robot mov
 only the rays in the image rectangles of its visible geoms.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 

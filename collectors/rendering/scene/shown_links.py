@@ -1,7 +1,5 @@
 """A robot's links and visible shapes for MCAP files."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,5 @@
 """Textures of a scene as mip pyramids in one flat array for kernels."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Iterable
 from dataclasses import dataclass

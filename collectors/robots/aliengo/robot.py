@@ -1,7 +1,5 @@
 """Unitree Aliengo: a 24.6 kg quadruped with twelve joints."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import mujoco

@@ -1,7 +1,5 @@
 """Visual shapes of the Aliengo, without mass or contacts."""
 
-from __future__ import annotations
-
 import mujoco
 
 from ..shapes import Color, add_visual

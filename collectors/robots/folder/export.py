@@ -1,7 +1,5 @@
 """Export a robot as a folder, to start a user's own robot from."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

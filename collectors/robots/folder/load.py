@@ -5,8 +5,6 @@
 - policy.onnx, policy.json: the trained gait of a robot that walks, and its card.
 """
 
-from __future__ import annotations
-
 import hashlib
 from functools import partial
 from pathlib import Path

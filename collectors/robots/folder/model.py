@@ -3,8 +3,6 @@
 Everything that affects motion stays as the user wrote it; only names and sensors are added.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from pathlib import Path
 

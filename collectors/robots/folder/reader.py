@@ -1,7 +1,5 @@
 """Facts read from the compiled model of a user's own robot, and its checks against robot.toml."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -4,8 +4,6 @@ They run before MuJoCo reads a file and cover symbolic links, the paths in all M
 number of elements that `<replicate>` and the like create, and numbers that are not finite.
 """
 
-from __future__ import annotations
-
 import math
 import os
 import struct

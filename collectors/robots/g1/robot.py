@@ -1,7 +1,5 @@
 """Unitree G1 with 29 joints: a 33.3 kg humanoid, 1.3 m tall."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import mujoco

@@ -1,7 +1,5 @@
 """Visual shapes of the G1, without mass or contacts."""
 
-from __future__ import annotations
-
 import mujoco
 
 from ..humanoid import SIDES, Bodies

@@ -1,7 +1,5 @@
 """Unitree H1: a 51.4 kg humanoid with five joints a leg, a turning torso and arms of four."""
 
-from __future__ import annotations
-
 from types import MappingProxyType
 
 import mujoco

@@ -1,7 +1,5 @@
 """NVIDIA Jetbot: a small robot on two wheels and a ball caster, at any scale."""
 
-from __future__ import annotations
-
 import math
 from types import MappingProxyType
 

@@ -3,8 +3,6 @@
 Positions are those of the toy [m], relative to the middle of its axle; they scale with the robot.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

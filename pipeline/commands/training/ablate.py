@@ -1,7 +1,5 @@
 """`vlnpe ablate`: train a compact agent on each mixture of a recipe and compare the results."""
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any

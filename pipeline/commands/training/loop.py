@@ -1,7 +1,5 @@
 """What a training does in closed loop: validation, and DAgger."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The commands that collect what a recipe finds no episodes for."""
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """`vlnpe mix`: show the training data that each mixture of a recipe selects."""
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any

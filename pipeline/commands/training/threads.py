@@ -1,7 +1,5 @@
 """Threads of torch, which commands import late."""
 
-from __future__ import annotations
-
 import os
 
 from ....formats.core.errors import InputError, MissingExtraError

@@ -1,7 +1,5 @@
 """`vlnpe train`: train a policy on a mixture of a recipe."""
 
-from __future__ import annotations
-
 import json
 import sys
 from typing import Any

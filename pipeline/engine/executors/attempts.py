@@ -1,7 +1,5 @@
 """Run items in worker processes, and find the one that kills its worker."""
 
-from __future__ import annotations
-
 import pickle
 import time
 import traceback

@@ -1,7 +1,5 @@
 """Where the items of a stage run: worker processes of this machine, or of a cluster."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

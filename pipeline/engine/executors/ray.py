@@ -1,7 +1,5 @@
 """Items as tasks of a Ray cluster, whose machines share the run folder."""
 
-from __future__ import annotations
-
 import os
 import socket
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Items as arrays of Slurm jobs, through submitit; the machines share the run folder."""
 
-from __future__ import annotations
-
 import getpass
 import shlex
 import shutil

@@ -1,7 +1,5 @@
 """Write instructions for episodes."""
 
-from __future__ import annotations
-
 import gzip
 import json
 import time

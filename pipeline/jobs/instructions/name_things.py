@@ -1,7 +1,5 @@
 """Objects of scenes without labels, named by a vision-language model in frames along the paths."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path

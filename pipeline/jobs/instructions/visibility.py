@@ -4,8 +4,6 @@ Images are small and drawn every half metre: they name pixels, they are not look
 stands where the robot's does when it stands, and looks along the path.
 """
 
-from __future__ import annotations
-
 import time
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Write the folders of scans and scenes, and say what they hold."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from collections.abc import Callable, Mapping

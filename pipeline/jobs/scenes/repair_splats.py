@@ -3,8 +3,6 @@
 A module of its own: an edit of the rasteriser or the fusion repairs splats again, but no meshes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

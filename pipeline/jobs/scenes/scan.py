@@ -1,7 +1,5 @@
 """Generate a building, and scan it virtually."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

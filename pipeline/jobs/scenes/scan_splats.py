@@ -1,7 +1,5 @@
 """Generate a building, and capture it as Gaussian splats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Accept or refuse a repaired scene."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ....formats.core.errors import SceneError

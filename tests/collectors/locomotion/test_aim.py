@@ -1,7 +1,5 @@
 """Calibration maps commands so that a gait reaches them, symmetrically to left and right."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

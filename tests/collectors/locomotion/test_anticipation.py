@@ -1,7 +1,5 @@
 """A gait that anticipates delays: its network, its past, and how it learns."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Gait networks are evaluated without onnxruntime, and give what their ONNX file says."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from collections.abc import Sequence

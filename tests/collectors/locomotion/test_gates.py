@@ -1,7 +1,5 @@
 """The gates of gaits, and the measurements behind them."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The learned gaits at work, on the product's own models and through its public calls."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

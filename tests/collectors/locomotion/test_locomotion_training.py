@@ -1,7 +1,5 @@
 """Training of gaits: a tiny run really learns, stops, goes on and exports what it learned."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 from dataclasses import replace

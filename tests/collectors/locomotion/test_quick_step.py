@@ -1,7 +1,5 @@
 """The compiled step of one robot equals the vectorised reference code."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import mujoco

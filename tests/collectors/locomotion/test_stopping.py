@@ -1,7 +1,5 @@
 """A gait stops without falling, soon and not far; gate (h), on the installed policies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

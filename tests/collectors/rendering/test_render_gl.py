@@ -1,7 +1,5 @@
 """The two renderers show the same; lights change colours alone."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

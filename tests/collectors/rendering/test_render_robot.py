@@ -1,7 +1,5 @@
 """The robot's own body in the picture: shapes, poses, occlusion."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import pytest

@@ -1,7 +1,5 @@
 """Rollouts to videos, poses, pictures."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, cast

@@ -1,7 +1,5 @@
 """The renderer against analytic truth: geometry, colours, filtering."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

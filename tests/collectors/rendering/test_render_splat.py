@@ -1,7 +1,5 @@
 """The renderer of scenes of splats, in the two-room scene with splats on all its surfaces."""
 
-from __future__ import annotations
-
 import shutil
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The robot in MCAP files stands where the renderer draws it."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """MCAP ↔ LeRobot v3: nothing is lost on the way, and damage is named."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

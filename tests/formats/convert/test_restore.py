@@ -1,7 +1,5 @@
 """Datasets that LeRobot's own tools edited stay usable, and `vlnpe restore` makes them whole."""
 
-from __future__ import annotations
-
 import json
 import logging
 from pathlib import Path

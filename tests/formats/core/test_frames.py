@@ -1,7 +1,5 @@
 """Frames: round trips, and the known values of the public data."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

@@ -1,7 +1,5 @@
 """Geometry of triangles and paths: properties that hold for any input."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import example, given, settings

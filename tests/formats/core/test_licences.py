@@ -1,7 +1,5 @@
 """Licences are recognised by name or text, and only known ones let data be passed on."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Progress as another process reads it: few lines in a pipe, a bar on a terminal."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Digests of source code, and what is kept of them between processes."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """Work in threads gives what it gives in one, in order."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Iterator

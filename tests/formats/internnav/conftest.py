@@ -1,7 +1,5 @@
 """A scene of three episodes in the layout."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

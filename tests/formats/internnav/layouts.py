@@ -1,7 +1,5 @@
 """Scenes in the layout, ours and as others write it, and what InternNav reads of them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import replace

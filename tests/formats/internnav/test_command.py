@@ -1,7 +1,5 @@
 """`vlnpe convert` to the layout and from it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Damaged layouts are named."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import shutil

@@ -1,7 +1,5 @@
 """The layout as others write it becomes units."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

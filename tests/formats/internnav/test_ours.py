@@ -1,7 +1,5 @@
 """InternNav's loaders read our layout, and it comes back."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

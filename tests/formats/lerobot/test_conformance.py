@@ -1,7 +1,5 @@
 """What others do with our datasets: LeRobot's loaders, aggregation, streaming and training."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

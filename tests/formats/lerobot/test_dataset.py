@@ -1,7 +1,5 @@
 """Our LeRobot writer against LeRobot itself: it loads, and equals what LeRobot writes."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Depth kept as 16-bit images: equal to what LeRobot's own writer makes of the same frames."""
 
-from __future__ import annotations
-
 import io
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Killed at any moment, nothing finished is lost, and nothing half-written is seen."""
 
-from __future__ import annotations
-
 import hashlib
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 """What README and card say about loading and training, run as it stands."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

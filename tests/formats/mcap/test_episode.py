@@ -1,7 +1,5 @@
 """Episodes in MCAP: complete, geometrically right, and readable by others."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections import defaultdict

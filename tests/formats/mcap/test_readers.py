@@ -1,7 +1,5 @@
 """Readers that are not ours find everything in our MCAP files by their indexes and checksums."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

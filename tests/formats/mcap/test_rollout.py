@@ -1,7 +1,5 @@
 """Rollouts come back from MCAP bit by bit, and damage is noticed."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 from typing import Any

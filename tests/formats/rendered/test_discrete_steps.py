@@ -1,7 +1,5 @@
 """Discrete steps of a walk: executing them leads where the robot went, and turns as much."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given, settings

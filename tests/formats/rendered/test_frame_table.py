@@ -1,7 +1,5 @@
 """The frame table's columns agree with the rollout they were taken from."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Caps of cut solids: exact for closed solids, nothing for what is open or inside out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Which labels are words for things that an instruction may use."""
 
-from __future__ import annotations
-
 import pytest
 
 from vlnpe.formats.scene.things import nameable

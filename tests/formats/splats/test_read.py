@@ -1,7 +1,5 @@
 """Gaussian splats in every file format, against other readers and against each other."""
 
-from __future__ import annotations
-
 import contextlib
 import gzip
 import struct

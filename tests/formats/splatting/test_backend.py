@@ -1,7 +1,5 @@
 """The back end for gsplat, against a stand-in that follows gsplat's documented conventions."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from types import ModuleType, SimpleNamespace

@@ -1,7 +1,5 @@
 """The CPU rasteriser against the published formula, and what it promises beside pictures."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

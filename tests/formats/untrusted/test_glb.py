@@ -1,7 +1,5 @@
 """GLB containers: round trips, and files that are cut off."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Encoding leaves every thread of the process as ordinary as it was."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterator
 from pathlib import Path

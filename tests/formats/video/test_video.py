@@ -1,7 +1,5 @@
 """Videos: what is written comes back, at exact times, and damage is noticed."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import subprocess

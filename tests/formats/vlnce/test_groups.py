@@ -1,7 +1,5 @@
 """Episodes of one path are walked as one and come back as they were."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

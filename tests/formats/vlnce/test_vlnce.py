@@ -1,7 +1,5 @@
 """VLN-CE files: strict reading, exact round trips, what Habitat's loader needs."""
 
-from __future__ import annotations
-
 import copy
 import gzip
 import json

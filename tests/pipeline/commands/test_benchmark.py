@@ -1,7 +1,5 @@
 """`vlnpe benchmark`: one table of several evaluations."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

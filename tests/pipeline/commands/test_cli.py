@@ -1,7 +1,5 @@
 """The command line: a table of commands that is true, and help that imports nothing heavy."""
 
-from __future__ import annotations
-
 import inspect
 import json
 import os

@@ -1,7 +1,5 @@
 """`vlnpe doctor` lists what is installed and prints one command that installs the rest."""
 
-from __future__ import annotations
-
 import importlib.util
 import json
 import shlex

@@ -1,7 +1,5 @@
 """`sample`, `align` and `filter` as a user calls them."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`vlnpe evaluate` and `vlnpe compare`, as a user calls them."""
 
-from __future__ import annotations
-
 import json
 import re
 import shlex

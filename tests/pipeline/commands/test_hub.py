@@ -3,8 +3,6 @@
 Clients take the hub's address when they are imported, so each runs in a process of its own.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """`vlnpe instruct`: through the stage runner, with the texts of a direct call."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Publishing: what would be uploaded, what is refused, and what the hub is asked to do."""
 
-from __future__ import annotations
-
 import json
 from fnmatch import fnmatch
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Chains of items on real worker processes."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Stages on a Ray cluster of two nodes, and as Slurm arrays."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

@@ -1,7 +1,5 @@
 """Keys cover the code that a job imports, no less and no more."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -77,82 +75,82 @@ for name, old, new in edits:
 EDITS = {
     "a bookshelf": (
         "apartments/home/furniture/storage.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nCOLOUR = 1\n",
+        "\nfrom .",
+        "\nCOLOUR = 1\nfrom .",
         {"scan", "scan as splats"},
     ),
     "a shader": (
         "collectors/rendering/kernels/surface_light.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nBRIGHTER = 2\n",
+        "\nfrom .",
+        "\nBRIGHTER = 2\nfrom .",
         {"render", "pictures", "look"},
     ),
     "how gaits run": (
         "collectors/locomotion/observation.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nSCALE = 2\n",
+        "\nfrom .",
+        "\nSCALE = 2\nfrom .",
         {"replay"},
     ),
     "the gait trainer": (
         "collectors/gait_training/rewards.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         set(),
     ),
     "the report's template": ("pipeline/report/page.html.j2", "<body>", "<body >", {"report"}),
     "reading USD, by a name that only the child process imports": (
         "scene_repair/usd/read_stage.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nDEEPER = 2\n",
+        "\nfrom .",
+        "\nDEEPER = 2\nfrom .",
         {"repair", "repair of splats"},
     ),
     "how splats are drawn": (
         "formats/splatting/blend.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         {"repair of splats", "render", "pictures", "look"},
     ),
     "how depth is fused, which the virtual scanner does, too": (
         "formats/fusion/volume.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         {"scan", "scan as splats", "repair of splats"},
     ),
     "where virtual cameras stand": (
         "scene_repair/splats/closer.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         {"repair of splats"},
     ),
     "reading a format of splats": (
         "formats/splats/packed.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         {"repair of splats"},
     ),
     "where a capture has Gaussians": (
         "apartments/scanner/splats.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         {"scan as splats"},
     ),
     "the stage runner": (
         "pipeline/engine/executors/base.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nfrom .",
+        "\nMORE = 2\nfrom .",
         set(),
     ),
     "a docstring": ("collectors/replay.py", '"""Replay an episode', '"""Play an episode', set()),
     "a comment": (
         "formats/core/frames.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\n# Why.\n",
+        "\nimport ",
+        "\n# Why.\nimport ",
         set(),
     ),
     "the frames that all share": (
         "formats/core/atomic.py",
-        "from __future__ import annotations\n",
-        "from __future__ import annotations\nMORE = 2\n",
+        "\nimport ",
+        "\nMORE = 2\nimport ",
         set(JOBS),
     ),
 }

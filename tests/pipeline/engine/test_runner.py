@@ -1,7 +1,5 @@
 """The stage runner on real worker processes."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

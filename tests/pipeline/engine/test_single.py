@@ -1,7 +1,5 @@
 """Commands that run one stage: its ledger lies beside the output."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

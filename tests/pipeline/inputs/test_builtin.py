@@ -1,7 +1,5 @@
 """Names of built-in scenes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

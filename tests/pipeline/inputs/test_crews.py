@@ -1,7 +1,5 @@
 """Several robots and controllers in one run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A folder of scans as datasets lay them out."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Reading inconsistent and hostile glTF."""
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

@@ -1,7 +1,5 @@
 """Reading enormous, damaged and hostile images of a scan."""
 
-from __future__ import annotations
-
 import base64
 import io
 import struct

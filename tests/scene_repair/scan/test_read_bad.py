@@ -1,7 +1,5 @@
 """Reading damaged and malicious scan files: headers, pieces, any damaged byte."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Point clouds become surfaces: PLY without faces, PCD in its three kinds, and damaged ones."""
 
-from __future__ import annotations
-
 import importlib.util
 import sys
 from pathlib import Path

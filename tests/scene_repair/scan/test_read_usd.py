@@ -3,8 +3,6 @@
 # usd-core ships no stubs.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

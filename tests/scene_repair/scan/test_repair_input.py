@@ -1,7 +1,5 @@
 """Reading scans: formats, axes, units, labels, and inconsistent files."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

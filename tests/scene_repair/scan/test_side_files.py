@@ -1,7 +1,5 @@
 """Labels and licences beside a scan: never from outside its folder, and errors with a type."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -3,8 +3,6 @@
 # usd-core builds its modules at run time and ships no stubs.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What every kind of scan has to stand, shared by the test files of the formats."""
 
-from __future__ import annotations
-
 import os
 import shutil
 from pathlib import Path

@@ -3,8 +3,6 @@
 More false accessors, buffers and pictures are in tests/scene_repair/scan/test_bad_gltf.py.
 """
 
-from __future__ import annotations
-
 import base64
 import json
 import struct

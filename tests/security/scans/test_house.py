@@ -1,7 +1,5 @@
 """Matterport3D's .house files: too many boxes, invalid numbers, endless lines."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Label files beside a scan: too many labels, invalid numbers, recursion, links."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

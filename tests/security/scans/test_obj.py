@@ -1,7 +1,5 @@
 """OBJ and MTL: references, false indices, invalid numbers, endless statements."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """PCD: false headers; more of them in tests/scene_repair/scan/test_read_points.py."""
 
-from __future__ import annotations
-
 import struct
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """PLY: a texture's path, false headers, invalid numbers."""
 
-from __future__ import annotations
-
 import logging
 from pathlib import Path
 

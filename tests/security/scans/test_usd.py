@@ -4,8 +4,6 @@ Layers and pictures outside the folder, cycles and instancing bombs are in
 tests/scene_repair/scan/test_bad_usd.py.
 """
 
-from __future__ import annotations
-
 import zipfile
 from pathlib import Path
 

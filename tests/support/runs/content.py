@@ -1,7 +1,5 @@
 """What a run folder holds, decoded: equal for two runs of the same command, however interrupted."""
 
-from __future__ import annotations
-
 import gzip
 import hashlib
 import json

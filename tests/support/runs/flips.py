@@ -1,7 +1,5 @@
 """Damage every file of a run, a byte each."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Kill a command in the middle of a stage."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import threading

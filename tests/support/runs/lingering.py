@@ -1,7 +1,5 @@
 """A command whose items take a given time: `python -m tests.support.runs.lingering`."""
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
 

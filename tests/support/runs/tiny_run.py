@@ -1,7 +1,5 @@
 """The whole chain in the smallest case: a scan of two rooms, two episodes, 64 × 48 pixels."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

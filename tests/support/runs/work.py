@@ -1,7 +1,5 @@
 """Jobs and workers for tests of the runner; at module level, because workers are spawned."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Free bodies pushed through the compiled collision of a level, and what they touch."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

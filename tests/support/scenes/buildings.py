@@ -3,8 +3,6 @@
 World coordinates: z up, metres. Every function gives the building's parts.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import trimesh
 

@@ -1,7 +1,5 @@
 """Small valid scans of every format, and ways to damage them that look like the format."""
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """A generated building as a repaired scene of its exact geometry, without scan and repair."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

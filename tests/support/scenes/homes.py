@@ -1,7 +1,5 @@
 """Checks of every generated building, as a list of faults."""
 
-from __future__ import annotations
-
 from itertools import combinations
 from typing import Any
 

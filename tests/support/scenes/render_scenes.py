@@ -1,7 +1,5 @@
 """Tiny scenes and robots for rendering tests: one textured wall, one ball on a free joint."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import mujoco

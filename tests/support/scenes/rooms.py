@@ -4,8 +4,6 @@ Two 4 × 4 m rooms (x 0…4 and 4…8, y 0…4), 2.6 m high, joined by a 1 m doo
 wall x = 4, one box of furniture in each room. Known by heart, so tests can state exact truths.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -3,8 +3,6 @@
 World coordinates: z up, metres; the main floor is z = 0. Written as GLB they are turned y up.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 

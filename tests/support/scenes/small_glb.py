@@ -1,7 +1,5 @@
 """GLB files with one triangle, written by hand."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

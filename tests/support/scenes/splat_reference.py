@@ -4,8 +4,6 @@ Kerbl et al., "3D Gaussian Splatting for Real-Time Radiance Field Rendering" (20
 at every pixel in float64, sorted as a whole, with no tiles and no culling but what the formula has.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Small random Gaussian clouds, and their comparison."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
