@@ -243,6 +243,8 @@ def test_a_table_of_another_collection_says_so(run: Path, tmp_path: Path) -> Non
     assert digest.other_collections(kept, tables(3)) == {5: ["vlnce/flash"]}
     assert digest.retrained(kept, tables(3)) == []
     shown = page(kept, tables(3), ())
+    assert "| cma-s0--vlnce-flash-baked | vlnce/flash a |" in shown
+    assert "| cma-s0--vlnce-flash-DL300 | vlnce/flash b |" in shown
     assert shown.count("Trained on another collection of vlnce/flash") == 1
 
 
