@@ -80,7 +80,7 @@ def table(groups: Mapping[str, Sequence[Mapping[str, Any]]], width: int = TABLE_
     """
     heads = ["", "episodes", *(f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items())]
     columns = [
-        [label, str(len(episodes)), *map(_cell, summarise(episodes).values())]
+        [label, str(len(episodes)), *(_cell(n, v) for n, v in summarise(episodes).items())]
         for label, episodes in groups.items()
     ]
     blocks: list[list[list[str]]] = []
@@ -104,10 +104,15 @@ def _block(columns: Sequence[Sequence[str]]) -> str:
     return "\n".join(rows)
 
 
-def _cell(value: Interval) -> str:
+def decimals(column: str) -> int:
+    """Return how many decimals a column of `COLUMNS` is shown with in every table."""
+    return 2 if COLUMNS[column][0] == "m" else 1
+
+
+def _cell(column: str, value: Interval) -> str:
     if math.isnan(value.mean):
         return "-"
-    digits = 2 if value.mean < 20 else 1
+    digits = decimals(column)
     if math.isnan(value.low):
         return f"{value.mean:.{digits}f}"
     return f"{value.mean:.{digits}f} ({value.low:.{digits}f}..{value.high:.{digits}f})"

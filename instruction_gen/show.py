@@ -14,7 +14,7 @@ _WIDE, _HIGH = 64, 22
 
 
 def show_path(episode: Episode, facts: PathFacts) -> str:
-    """Return the map (S start, * path, G goal, letters for things), its legend, and the texts."""
+    """Return a title, a map with its legend, the turns and doors of the path, and the texts."""
     path = episode.reference_path_world_m[:, :2]
     points = resample(path, 0.1)
     low, high = points.min(0) - 1.2, points.max(0) + 1.2
@@ -31,7 +31,7 @@ def show_path(episode: Episode, facts: PathFacts) -> str:
 
     for point in points:
         put(point, "*")
-    legend = []
+    legend = ["S start", "* path", "G goal"]
     knots = arc_length(points)
     marks = [m for m in facts.landmarks if m.nameable and m.distance_m < 2.5 and m.noun != DOOR]
     for letter, mark in zip("abcdefghijklmnopqrstuvwxyz", marks, strict=False):

@@ -19,7 +19,7 @@ from benchmarks.evidence.page import page
 from benchmarks.evidence.plan import tables
 from benchmarks.evidence.records import Row, Table
 from vlnpe.formats.core.atomic import atomic_file
-from vlnpe.formats.core.errors import VlnpeError
+from vlnpe.formats.core.errors import VlnpeError, check_name
 from vlnpe.formats.core.progress import progress_bar
 from vlnpe.pipeline.cli import main as vlnpe
 
@@ -72,8 +72,13 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
     )
     every = tables(len(bench.scenes))
     seeds = [int(seed) for seed in options.seeds.split(",") if seed] or list(settings.seeds)
-    chosen = [every[int(n)] for n in options.tables.split(",") if n] or list(every.values())
-    labels = {label.strip() for label in options.rows.split(";") if label.strip()}
+    numbers = [n.strip() for n in options.tables.split(",") if n.strip()]
+    for number in numbers:
+        check_name("table", number, map(str, every))
+    chosen = [every[int(n)] for n in numbers] or list(every.values())
+    labels = [label.strip() for label in options.rows.split(";") if label.strip()]
+    for label in labels:
+        check_name("row", label, (row.label for table in chosen for row in table.rows))
     reasons = {
         row.cell(0): why
         for t in every.values()
@@ -84,8 +89,8 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
     wanted = [
         (row, seed)
         for seed in seeds
-        for row in _distinct(chosen)
-        if row.cell(0) not in reasons and (not labels or row.label in labels)
+        for row in _distinct(chosen, labels)
+        if row.cell(0) not in reasons
         if row.varies or seed == seeds[0]
     ]
     measured = replace(
@@ -108,9 +113,10 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
     return int(bool(failed))
 
 
-def _distinct(chosen: list[Table]) -> list[Row]:
-    """Return the rows of tables, each cell once."""
-    return list({row.cell(0): row for table in chosen for row in table.rows}.values())
+def _distinct(chosen: Sequence[Table], labels: Sequence[str]) -> list[Row]:
+    """Return the rows of tables, of some labels unless there are none, each cell once."""
+    rows = [row for table in chosen for row in table.rows if not labels or row.label in labels]
+    return list({row.cell(0): row for row in rows}.values())
 
 
 def _training_run(data: Path) -> Path:

@@ -135,6 +135,17 @@ def other_collections(
     return found
 
 
+def data_of_cells(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, str]:
+    """Return the walks that each trained cell was trained on, with their digests, by its name."""
+    return {
+        row.cell(seed): ", ".join(
+            f"{walks} {sha[:12]}" for (walks, *_), sha in _data(cell, row).items()
+        )
+        for table in tables.values()
+        for cell, row, seed in _trained(value["cells"], table, value["seeds"])
+    }
+
+
 def _trained(
     cells: Mapping[str, Any], table: Table, seeds: list[int]
 ) -> Iterator[tuple[Any, Row, int]]:

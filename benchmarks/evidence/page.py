@@ -4,7 +4,13 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from benchmarks.evidence.digest import SAME_LOSS, other_collections, retrained, walks_of
+from benchmarks.evidence.digest import (
+    SAME_LOSS,
+    data_of_cells,
+    other_collections,
+    retrained,
+    walks_of,
+)
 from benchmarks.evidence.judge import (
     UNMEASURED,
     difference,
@@ -12,7 +18,7 @@ from benchmarks.evidence.judge import (
     verdict,
 )
 from benchmarks.evidence.records import Claim, Table
-from vlnpe.evaluation.results import COLUMNS
+from vlnpe.evaluation.results import COLUMNS, decimals
 from vlnpe.learning.ablation.intervals import Difference
 
 SHOWN = ("SR", "OS", "SPL", "NE", "CR", "FR", "StR")
@@ -103,7 +109,7 @@ def _measured(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str
                 cells = [
                     "–"
                     if name in PHYSICAL and row.test.controller == "flash"
-                    else _cell(mean_interval(walks, name))
+                    else _cell(name, mean_interval(walks, name))
                     for name in SHOWN
                 ]
                 found[row.cell(0)] = " | ".join([str(len(walks.seeds)), *cells])
@@ -175,25 +181,30 @@ def _judged(value: Mapping[str, Any], table: Table, claim: Claim) -> tuple[str, 
         return "–", UNMEASURED
     found = difference(more, less, claim.metric)
     unit = "points" if COLUMNS[claim.metric][0] == "%" else COLUMNS[claim.metric][0]
-    shown = f"{claim.metric} {found.mean:+.1f} ({found.low:+.1f} … {found.high:+.1f}) {unit}"
+    d = decimals(claim.metric)
+    shown = f"{claim.metric} {found.mean:+.{d}f} ({found.low:+.{d}f} … {found.high:+.{d}f}) {unit}"
     pairs = ((claim.more, more), (claim.less, less))
     single = [w for label, w in pairs if table.row(label).varies and len(w.seeds) < 2]
     judged = verdict(found, published=claim.published)
     return shown, judged + (", with one seed" if single else "")
 
 
-def _cell(found: Difference) -> str:
+def _cell(column: str, found: Difference) -> str:
     if math.isnan(found.mean):
         return "–"
-    return f"{found.mean:.1f} ({found.low:.1f} … {found.high:.1f})"
+    d = decimals(column)
+    return f"{found.mean:.{d}f} ({found.low:.{d}f} … {found.high:.{d}f})"
 
 
 def _sources(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
     again = retrained(value, tables)
+    data = data_of_cells(value, tables)
     lines = [
         "## Trainings and result files\n",
         "Digests are SHA-256, their first 12 digits; held-out steps are those of `val_seen`, given "
-        "the true steps before. The commonest action alone is right as often as said beside it.\n",
+        "the true steps before. The commonest action alone is right as often as said beside it. "
+        "Walks with one digest (BLAKE2b of the episodes' names, labels, lengths and instructions) "
+        "are the same.\n",
         *(
             [
                 f"Trained again from the same data, recipe and seed for some of their cells, on "
@@ -202,9 +213,9 @@ def _sources(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
             if again
             else []
         ),
-        "| cell | episodes trained on | held-out actions right | commonest action | stops right | "
-        "checkpoint | results |",
-        "| --- | ---: | ---: | ---: | ---: | --- | --- |",
+        "| cell | walks trained on | their episodes | held-out actions right | commonest action | "
+        "stops right | checkpoint | results |",
+        "| --- | --- | ---: | ---: | ---: | ---: | --- | --- |",
     ]
     for name, cell in sorted(value["cells"].items()):
         last = (cell.get("curve") or [{}])[-1]
@@ -213,8 +224,9 @@ def _sources(value: Mapping[str, Any], tables: Mapping[int, Table]) -> str:
             for key in ("held action", "held constant", "held stop")
         )
         lines.append(
-            f"| {name} | {cell.get('episodes', '–')} | {right} | {constant} | {stops} | "
-            f"{cell.get('checkpoint_sha256', '–')[:12]} | {cell['results_sha256'][:12]} |"
+            f"| {name} | {data.get(name, '–')} | {cell.get('episodes', '–')} | {right} | "
+            f"{constant} | {stops} | {cell.get('checkpoint_sha256', '–')[:12]} | "
+            f"{cell['results_sha256'][:12]} |"
         )
     return "\n".join(lines) + "\n"
 

@@ -187,7 +187,8 @@ def choose(
         new = all(reason.split(" ")[0] in COLLECTED for reason in dropped)
         reasons = ", ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
         raise NoEpisodesError(
-            f"left out of {len(indices)} datasets in {library.root}: {reasons}",
+            f"left out of {len(indices)} dataset{'s' * (len(indices) > 1)} in {library.root}: "
+            f"{reasons}",
             {name: source} if new else {},
         )
     selection = Selection(

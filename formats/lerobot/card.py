@@ -18,7 +18,6 @@ from .layout import DEPTH_KEY
 from .usage import POLICIES, loading_code, training_command
 
 FILM_STRIP = "film_strip.png"
-HALF_BRIGHT_M = 2.5  # depth that it shows half as bright as the nearest
 
 # What a reader must know of each feature; frames and units are in the names in info.json.
 MEANING = {
@@ -124,8 +123,7 @@ Vision-and-Language Navigation, LeRobot {info["codebase_version"]}, robot `{robo
 
 ![Frames of some episodes: colour, and depth beneath]({FILM_STRIP})
 
-Depth in the picture: the brighter, the nearer, half as bright at {HALF_BRIGHT_M:g} m as at 0 m;
-black: not measured.
+Depth in the picture has the scale beside it in metres; grey: not measured.
 
 {_splits(facts)}
 

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ..video.depth_picture import depth_picture, depth_scale
 from ..video.stream import pick_frames
-from .card import HALF_BRIGHT_M
 from .layout import RGB_KEY
 from .unit import EpisodeUnit
 
@@ -52,15 +52,9 @@ def _colours(unit: EpisodeUnit) -> NDArray[np.uint8]:
 
 
 def _depths(unit: EpisodeUnit) -> NDArray[np.uint8]:
-    """Return depth as grey levels: near is bright, far is dark, invalid is black."""
     numbers = _spread(unit.length, FRAMES)
-    images = []
-    for depth_m in unit.depth_m(numbers):
-        nearness = 1.0 / (1.0 + depth_m / HALF_BRIGHT_M)
-        shade = np.where(depth_m > 0, 255.0 * nearness, 0.0).astype(np.uint8)
-        coloured = cv2.applyColorMap(_small(shade), cv2.COLORMAP_BONE)
-        images.append(coloured[..., ::-1])
-    return _row(images)
+    images = [_small(depth_picture(depth_m)) for depth_m in unit.depth_m(numbers)]
+    return _row([*images, depth_scale(len(images[0]))])
 
 
 def _small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, valid_controllers
 from ...evaluation.policy import check_policy
-from ...evaluation.results import COLUMNS, read_results
+from ...evaluation.results import COLUMNS, decimals, read_results
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, write_json
 from ...formats.core.episode import Episode
@@ -216,7 +216,7 @@ def _page(value: dict[str, Any]) -> str:
         "| --- | --- | --- | ---: |" + " ---: |" * (len(COLUMNS) - 1),
     ]
     for cell in value["cells"]:
-        shown = [_number(cell["summary"][name]) for name in COLUMNS if name != "time"]
+        shown = [_number(name, cell["summary"][name]) for name in COLUMNS if name != "time"]
         count = str(cell["count"])
         if cell["quarantined"]:
             count += f" ({cell['quarantined']} without a result)"
@@ -225,12 +225,13 @@ def _page(value: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _number(value: dict[str, float | None]) -> str:
+def _number(column: str, value: dict[str, float | None]) -> str:
+    digits = decimals(column)
     if value["mean"] is None:
         return "–"
     if value["low"] is None:
-        return f"{value['mean']:.1f}"
-    return f"{value['mean']:.1f} ({value['low']:.1f}–{value['high']:.1f})"
+        return f"{value['mean']:.{digits}f}"
+    return f"{value['mean']:.{digits}f} ({value['low']:.{digits}f}–{value['high']:.{digits}f})"
 
 
 def _names(text: str) -> Sequence[str]:

@@ -30,6 +30,7 @@ from ...evaluation.results import (
     LEGEND,
     RESULTS_NAME,
     compare,
+    decimals,
     grouped,
     interval_json,
     read_results,
@@ -193,8 +194,9 @@ def run_compare(options: Compare) -> int:
     )
     lines.append(f"second minus first, {interval} of the paired difference; % are points")
     for name, change in found.differences.items():
-        bounds = "" if isnan(change.low) else f" ({change.low:+.2f} to {change.high:+.2f})"
-        lines.append(f"  {name:<5} {change.mean:+8.2f} {COLUMNS[name][0]:<2}{bounds}".rstrip())
+        d = decimals(name)
+        bounds = "" if isnan(change.low) else f" ({change.low:+.{d}f} to {change.high:+.{d}f})"
+        lines.append(f"  {name:<5} {change.mean:+8.{d}f} {COLUMNS[name][0]:<2}{bounds}".rstrip())
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, select_autoescape
 
-from ...evaluation.results import COLUMNS, COUNTS, grouped, summarise
+from ...evaluation.results import COLUMNS, COUNTS, decimals, grouped, summarise
 from ...formats.core.images import data_uri
 from ..engine.ledger import Row
 
@@ -70,7 +70,11 @@ def _result_rows(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     if len(scenes) > 1:
         groups += scenes.items()
     return [
-        {"name": name, "count": len(some), "cells": list(summarise(some).values())}
+        {
+            "name": name,
+            "count": len(some),
+            "cells": [vars(v) | {"decimals": decimals(n)} for n, v in summarise(some).items()],
+        }
         for name, some in groups
     ]
 

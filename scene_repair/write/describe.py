@@ -15,6 +15,7 @@ from ..orient.scale import ROOM_M
 
 # Rooms are rarely lower or higher than this, and a scene is rarely made for less floor.
 LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
+TINY_M2 = 0.005  # less would be shown as 0.00 m²
 
 
 def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, Any]:
@@ -64,6 +65,25 @@ def _describe_hole(hole: Hole, grid: GridSpec) -> dict[str, Any]:
         "action": "filled" if hole.fill else "left",
         "reason": hole.reason,
     }
+
+
+def repair_titles(holes: int, cracks: int, patched_m2: float) -> tuple[str, str]:
+    """Return what was missing before a repair, and what it added, for the pictures' titles.
+
+    Args:
+        holes: how many were filled.
+        cracks: how many were closed.
+        patched_m2: area of floor that was added [m²].
+    """
+    counts = f"{_many(holes, 'hole')}, {_many(cracks, 'crack')}"
+    if 0 < patched_m2 < TINY_M2:
+        return f"{counts}: tiny gaps", "tiny gaps closed"
+    area = f"{patched_m2:.2f} m² of floor"
+    return f"{counts}, {area} missing", f"{area} added"
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
 
 
 def doubts(

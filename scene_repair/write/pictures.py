@@ -1,5 +1,7 @@
 """Draw before and after images: a level from above, ceiling removed, holes marked."""
 
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -22,6 +24,8 @@ GREEN = (0.05, 0.55, 0.20)
 GREY = (0.45, 0.47, 0.52)
 CUT = (0.24, 0.26, 0.30)
 LEFT = 18  # px beside text
+FONT, INK = cv2.FONT_HERSHEY_DUPLEX, (45, 48, 56)
+SUPERSCRIPT = 0.6  # size relative to the line's
 TITLE, SMALL = 0.62, 0.46  # sizes of the font
 
 
@@ -164,20 +168,17 @@ def write_picture(
         canvas[top : top + view.shape[0]] = view[::-1]
         top += view.shape[0] + gap
     out = np.clip(np.rint(canvas * 255), 0, 255).astype(np.uint8)
-    ink = (45, 48, 56)
-    font = cv2.FONT_HERSHEY_DUPLEX
     for name, baseline in names if name_px else ():
-        place = (round(LEFT * scale), baseline)
-        cv2.putText(out, name, place, font, 0.5 * scale, ink, int(scale), cv2.LINE_AA)
+        _write(out, name, (round(LEFT * scale), baseline), 0.5 * scale, int(scale))
 
     def at(x: float, y: float) -> tuple[int, int]:
         return round(scale * x), round(scale * y)
 
     def line(a: tuple[float, float], b: tuple[float, float]) -> None:
-        cv2.line(out, at(*a), at(*b), ink, round(2 * scale), cv2.LINE_AA)
+        cv2.line(out, at(*a), at(*b), INK, round(2 * scale), cv2.LINE_AA)
 
     def write(text: str, x: float, y: float, size: float) -> None:
-        cv2.putText(out, text, at(x, y), font, scale * size, ink, int(scale), cv2.LINE_AA)
+        _write(out, text, at(x, y), scale * size, int(scale))
 
     write(title, LEFT, 27, TITLE)
     x = LEFT
@@ -199,7 +200,7 @@ def text_scale(
     pixels: GridSpec, title: str, legend: list[tuple[str, tuple[float, float, float]]]
 ) -> float:
     """Return how much larger than in a picture of 620 px text is, as far as it fits."""
-    title_px = cv2.getTextSize(title, cv2.FONT_HERSHEY_DUPLEX, TITLE, 1)[0][0]
+    title_px = _width_px(title, TITLE)
     below_px = sum(_entry_px(text) for text, _ in legend) + 60  # and the scale bar with its number
     fitting = (
         pixels.columns / (title_px + 2 * LEFT),
@@ -214,4 +215,29 @@ def _metre_px(pixels: GridSpec) -> int:
 
 def _entry_px(text: str) -> int:
     """Return the width of a legend's entry [px], at scale 1."""
-    return 44 + cv2.getTextSize(text, cv2.FONT_HERSHEY_DUPLEX, SMALL, 1)[0][0]
+    return 44 + _width_px(text, SMALL)
+
+
+def _pieces(text: str, size: float) -> Iterator[tuple[str, float, float]]:
+    """Yield the parts of a text, with size and height above the line [px], as its ² is drawn.
+
+    The font has no such letter.
+    """
+    for part in re.split("(²)", text):
+        raised = part == "²"
+        yield ("2", SUPERSCRIPT * size, 11 * size) if raised else (part, size, 0)
+
+
+def _width_px(text: str, size: float) -> int:
+    return sum(cv2.getTextSize(p, FONT, s, 1)[0][0] for p, s, _ in _pieces(text, size))
+
+
+def _write(
+    out: NDArray[np.uint8], text: str, place: tuple[int, int], size: float, thickness: int
+) -> None:
+    """Draw a text from its left end on the line, `place` (x, y) [px], into `out` (H, W, 3)."""
+    x, y = place
+    for part, part_size, raised in _pieces(text, size):
+        at = (x, round(y - raised))
+        cv2.putText(out, part, at, FONT, part_size, INK, thickness, cv2.LINE_AA)
+        x += cv2.getTextSize(part, FONT, part_size, thickness)[0][0]

@@ -36,7 +36,7 @@ from ..paint.materials import MaterialSampler
 from ..scan.record import Scan, ScanMaterial
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
-from .describe import describe_level, doubts
+from .describe import describe_level, doubts, repair_titles
 from .pictures import GREEN, GREY, RED, mark_holes, text_scale, view_from_above, write_picture
 from .textures import write_materials
 
@@ -205,12 +205,12 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     ]
     filled = sum(h.fill for f in floors for h in f.holes)
     cracks = sum(len(f.cracks) for f in floors)
-    patched = f"{sum(f.patch_area_m2 for f in floors):.2f} m2 of floor"
-    missing = f"{filled} holes, {cracks} cracks, {patched} missing"
+    patched_m2 = sum(f.patch_area_m2 for f in floors)
+    missing, added = repair_titles(filled, cracks, patched_m2)
     gaps = ("left open", GREY)
     heads = {
         "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), gaps]),
-        "after": (f"{scene_id}: repaired, {patched} added", [("floor added", GREEN), gaps]),
+        "after": (f"{scene_id}: repaired, {added}", [("floor added", GREEN), gaps]),
     }
     text = min(text_scale(pixels, *head) for head in heads.values())  # they stand side by side
     for k, (name, head) in enumerate(heads.items()):

@@ -339,16 +339,20 @@ def test_sources_without_episodes_are_named_with_the_commands_that_collect_them(
         "humanoid": {"robots": ["g1"]},
         "lamp": {"robots": ["g1"], "lights": ["CL"]},
         "known": {"robots": ["h1"]},
+        "wheeled": {"robots": ["jetbot"], "fraction": 0.5},
     }
     path = tmp_path / "recipe.yaml"
     path.write_text(json.dumps(recipe(sources=sources, mixtures={"a": [*sources], "b": ["lamp"]})))
     assert main(["mix", str(path), "--data", str(runs), "--dry-run"]) == 2
     reason, humanoid, lamp = capsys.readouterr().err.splitlines()[-3:]
-    asked = "robot g1 (source 'humanoid') and robot g1, light CL (source 'lamp')"
+    asked = (
+        "robot g1 (source 'humanoid') and robot g1, light CL (source 'lamp') and robot jetbot "
+        "(source 'wheeled')"
+    )
     assert f"no episodes of {asked} (left out of 3 datasets in {runs}: " in reason
     assert "8 × robot aliengo, 6 × robot h1" in reason and "known" not in reason
     new_run = f"--episodes 24 --out {runs / 'apartment-0'}"
-    assert humanoid.endswith(f"collect --robot g1 {new_run}  # humanoid")
+    assert humanoid.endswith(f"collect --robot g1,jetbot {new_run}  # humanoid, wheeled")
     assert lamp.endswith(f"collect --robot g1 --light CL {new_run}  # lamp")
 
 

@@ -106,8 +106,13 @@ def test_a_table_of_many_groups_fits_a_terminal() -> None:
     assert all(f"val_unseen_{k}" in text for k in range(9))
     for name, (unit, _) in COLUMNS.items():
         assert f"{name} [{unit}]" in text
-    (row,) = [line for line in table({"all": made}).splitlines() if line.startswith("NE")]
-    assert row.split() == ["NE", "[m]", "7.50", "(7.50..7.50)"]
+    rows = {line.split()[0]: line.split() for line in table({"all": made}).splitlines()}
+    assert rows["NE"] == ["NE", "[m]", "7.50", "(7.50..7.50)"]
+    assert rows["TL"] == ["TL", "[m]", "11.25", "(11.25..11.25)"]
+    assert rows["SPL"][2:] == ["50.0", "(50.0..50.0)"] and rows["nDTW"][2] == "25.0"
+    far = [one | {"metrics": metrics | {"navigation_error_m": 27.5, "ndtw": 0.05}} for one in made]
+    rows = {line.split()[0]: line.split() for line in table({"all": far}).splitlines()}
+    assert rows["NE"][2] == "27.50" and rows["nDTW"][2] == "5.0"  # as if they were near 20
 
 
 def test_results_are_summed_up_per_split_and_scene() -> None:

@@ -125,6 +125,39 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
     assert (tmp_path / "docs" / "evidence.md").read_text() == text
 
 
+@pytest.mark.parametrize("label", ["CMA", "flash, bodyless", "VLN-CE style → vlnce"])
+def test_a_cell_of_several_tables_is_chosen_by_any_of_its_labels(
+    run: Path, tmp_path: Path, label: str
+) -> None:
+    commands = Commands()
+    arguments = [*call(run, tmp_path), "--tables", "1,2,4,7", "--rows", label]
+    assert command.main(arguments, commands) == 0
+    assert set(digest.read(tmp_path / "evidence.json")["cells"]) == {
+        f"cma-s{seed}--vlnce-flash-baked" for seed in (0, 1)
+    }
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--rows", "randm"], "unknown row 'randm' (did you mean random?); valid: CMA, CMA, RGB"),
+        (["--rows", "random;H1, physics"], "unknown row 'H1, physics'"),  # of table 2
+        (["--tables", "1,9"], "unknown table '9'; valid: 1, 2, 3, 4, 5, 6, 7, 8"),
+    ],
+)
+def test_unknown_rows_and_tables_are_refused(
+    run: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    options: list[str],
+    said: str,
+) -> None:
+    commands = Commands()
+    assert command.main([*call(run, tmp_path), *options], commands) == 2
+    assert said in capsys.readouterr().err
+    assert not commands.calls and not (tmp_path / "evidence.json").exists()
+
+
 def test_a_cell_that_fails_leaves_the_others(
     run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -208,6 +241,8 @@ def test_a_table_of_another_collection_says_so(run: Path, tmp_path: Path) -> Non
     assert digest.other_collections(kept, tables(3)) == {5: ["vlnce/flash"]}
     assert digest.retrained(kept, tables(3)) == []
     shown = page(kept, tables(3), ())
+    assert "| cma-s0--vlnce-flash-baked | vlnce/flash a |" in shown
+    assert "| cma-s0--vlnce-flash-DL300 | vlnce/flash b |" in shown
     assert shown.count("Trained on another collection of vlnce/flash") == 1
 
 

@@ -20,6 +20,7 @@ from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.language.nouns import noun_of, spoken
 from vlnpe.instruction_gen.records import InstructConfig
+from vlnpe.instruction_gen.show import show_path
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
 
@@ -242,6 +243,26 @@ def test_a_path_without_a_true_text_is_left_out(two_rooms):
     )
     assert result.episodes == []
     assert result.failed == {"e-0": "the bed is not on the left"}
+
+
+def test_a_shown_path_has_a_title_and_a_legend_of_every_letter_on_its_map(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    texts = ["Leave the kitchen.", "Walk past the sofa."]
+    episode = replace(episode_of(EAST), extra={"instructions": texts})
+    title, *lines = show_path(episode, facts).splitlines()
+    assert title == f"e-0: {facts.length_m:.1f} m, kitchen"
+    legend, events, *shown = lines[-2 - len(texts) :]
+    assert shown == [f"  - {text}" for text in texts]
+    assert "m into living room" in events
+    meanings = dict(entry.split(" ", 1) for entry in legend.strip().split(", "))
+    assert {"S": "start", "*": "path", "G": "goal"}.items() <= meanings.items()
+    assert "sofa" in meanings.values()
+    drawn = "".join(lines[: -2 - len(texts)])
+    assert set(drawn) - {" "} == meanings.keys()
+    (sofa,) = (letter for letter, noun in meanings.items() if noun == "sofa")
+    row = next(line for line in lines if sofa in line)
+    start = next(line for line in lines if "S" in line)
+    assert row.index(sofa) > start.index("S")  # in the east, where x grows
 
 
 def test_unknown_names_and_missing_scenes(tmp_path):

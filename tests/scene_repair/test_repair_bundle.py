@@ -18,8 +18,11 @@ from scipy import ndimage
 from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
+from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.write.describe import repair_titles
+from vlnpe.scene_repair.write.pictures import text_scale, write_picture
 from vlnpe.wayfinding.distance import distance_field
 
 QUICK = RepairConfig(picture_px=300)
@@ -44,6 +47,38 @@ def bundle(source: Path, tmp_path_factory: pytest.TempPathFactory) -> SceneBundl
     repair_scene(source, out, progress=lines.append)
     assert len(lines) >= 5
     return load_bundle(out)
+
+
+@pytest.mark.parametrize(
+    ("holes", "cracks", "patched_m2", "missing", "added"),
+    [
+        (1, 2, 0.5, "1 hole, 2 cracks, 0.50 m² of floor missing", "0.50 m² of floor added"),
+        (0, 3, 0.004, "0 holes, 3 cracks: tiny gaps", "tiny gaps closed"),
+        (0, 0, 0.0, "0 holes, 0 cracks, 0.00 m² of floor missing", "0.00 m² of floor added"),
+    ],
+)
+def test_titles_of_the_pictures(
+    holes: int, cracks: int, patched_m2: float, missing: str, added: str
+) -> None:
+    assert repair_titles(holes, cracks, patched_m2) == (missing, added)
+
+
+def test_square_metres_in_a_title_are_drawn_raised_and_fit(tmp_path: Path) -> None:
+    pixels = GridSpec((0.0, 0.0), 0.02, 20, 400)
+    view = {"level 0": np.ones((20, 400, 3), np.float32)}
+    drawn = {}
+    for text in ("9 m", "9 m²", "9 m2"):
+        scale = text_scale(pixels, text, [])
+        write_picture(tmp_path / "t.png", view, pixels, text, [], scale=scale)
+        image = cv2.imread(str(tmp_path / "t.png"), cv2.IMREAD_GRAYSCALE)
+        assert image is not None
+        drawn[text] = image[:32] < 160  # the title's line
+    plain = drawn["9 m"].any(axis=0).nonzero()[0][-1]
+    ends = {text: ink.any(axis=0).nonzero()[0][-1] for text, ink in drawn.items()}
+    assert plain < ends["9 m²"] < ends["9 m2"]  # smaller than the line's numbers
+    rows = drawn["9 m²"][:, plain + 1 :].any(axis=1).nonzero()[0]
+    line = drawn["9 m"].any(axis=1).nonzero()[0]
+    assert rows[-1] < line[-1] - 2  # above the line on which the others stand
 
 
 def test_bundle_is_whole(bundle: SceneBundle, source: Path) -> None:

@@ -1,8 +1,9 @@
 """The commands that collect what a recipe finds no episodes for."""
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain, pairwise
 from pathlib import Path
 
@@ -23,12 +24,24 @@ def commands_for_missing(data: Path) -> Iterator[None]:
     try:
         yield
     except NoEpisodesError as error:
+        # Robots that need the same controllers and views are collected together.
+        alike: dict[Source, dict[str, Source]] = {}
+        for name, source in error.lacking.items():
+            if source.data == EVERYTHING and not (source.splits or source.scenes):
+                others = replace(source, robots=(), outcomes=(), fraction=1.0)
+                alike.setdefault(others, {})[name] = source
         error.hints = tuple(
-            f"{collect_command(source, data)}  # {name}"
-            for name, source in error.lacking.items()
-            if source.data == EVERYTHING and not (source.splits or source.scenes)
+            f"{collect_command(_joined(named.values()), data)}  # {', '.join(named)}"
+            for named in alike.values()
         )
         raise
+
+
+def _joined(sources: Iterable[Source]) -> Source:
+    """Return a source of all robots of some that are alike in what else is collected."""
+    first, *others = sources
+    robots = dict.fromkeys(robot for source in (first, *others) for robot in source.robots)
+    return replace(first, robots=tuple(robots))
 
 
 def collect_command(source: Source, data: Path) -> str:

@@ -22,13 +22,7 @@ from vlnpe.collectors.rendering.camera.views import (
     parse_views,
 )
 from vlnpe.collectors.rendering.interface import Renderer
-from vlnpe.collectors.rendering.people.film_strip import (
-    SCALE_PX,
-    depth_picture,
-    depth_scale,
-    film_strip,
-    shown_depths,
-)
+from vlnpe.collectors.rendering.people.film_strip import film_strip
 from vlnpe.collectors.rendering.people.pictures import third_person_clip, watchable_video
 from vlnpe.collectors.rendering.people.scene_map import top_down_map
 from vlnpe.collectors.rendering.registry import make_renderer
@@ -40,6 +34,7 @@ from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.video.depth_picture import FAR_M, SCALE_PX, depth_picture, depth_scale
 from vlnpe.formats.video.id_video import read_id_video
 from vlnpe.formats.video.mp4 import probe_video, read_depth_video, read_rgb_video
 
@@ -383,24 +378,30 @@ def test_clip(renderer: Renderer, rollout: Rollout, tmp_path: Path) -> None:
 
 def test_depth_pictures_distinguish_near_far_and_invalid() -> None:
     depth = np.full((1, 300), 0.7, dtype=np.float32)
-    depth[0, :3] = 0.0, 0.5, 7.5
-    assert shown_depths([depth]) == (0, 8)  # what is far is seldom, and must not be cut off
-    invalid, near, far = depth_picture(depth, 0.0, 7.5)[0, :3].astype(int)
+    depth[0, :3] = 0.0, 0.5, 20.0
+    invalid, near, far = depth_picture(depth)[0, :3].astype(int)
     assert invalid[0] == invalid[1] == invalid[2] > 0  # grey
     assert near[0] > near[2]
     assert far[2] > far[0]
     assert far[2] > 128  # blue, not black
     # A quarter of the way has the colour in the middle, which changes with the square root.
-    quarter, half = depth_picture(np.array([[2.0, 4.5]], np.float32), 0.0, 8.0)[0].astype(int)
+    quarter, half = depth_picture(np.array([[5.0, 11.25]], np.float32))[0].astype(int)
     assert quarter[1] > 200 and half[2] > half[0]  # green, blue
 
 
-@pytest.mark.parametrize(("near", "far"), [(0, 1), (0, 2), (0, 8), (2, 9), (95, 999)])
-def test_the_labels_of_a_depth_scale_fit(near: int, far: int) -> None:
-    ink = depth_scale(240, near, far)[:, SCALE_PX // 4 + 1 :].max(axis=2) < 100
+def test_a_depth_has_one_colour_in_every_strip() -> None:
+    near, far = np.full((2, 2), 1.5, np.float32), np.full((2, 2), 9.0, np.float32)
+    alone, among = depth_picture(near), depth_picture(np.vstack([near, far]))
+    assert (alone == among[:2]).all()
+    assert (depth_picture(far * 10) == depth_picture(np.full((2, 2), FAR_M, np.float32))).all()
+
+
+@pytest.mark.parametrize(("height_px", "labels"), [(64, 3), (107, 5), (240, 6)])
+def test_the_labels_of_a_depth_scale_fit(height_px: int, labels: int) -> None:
+    ink = depth_scale(height_px)[:, SCALE_PX // 4 + 5 :].max(axis=2) < 100
     assert ink.any() and not ink[[0, -1]].any() and not ink[:, -1].any()
     lines = np.flatnonzero(np.diff(np.flatnonzero(ink.any(axis=1))) > 1)
-    assert len(lines) == (1 if far - near == 1 else 2)  # apart from each other
+    assert len(lines) == labels - 1  # apart from each other
 
 
 @pytest.mark.parametrize("scale", [20.0, 47.0])

@@ -27,6 +27,7 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.lerobot.splits import held_out_scenes
 from vlnpe.formats.rendered.table import build_frame_table
+from vlnpe.formats.video.depth_picture import SCALE_PX, depth_scale
 
 pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 4.5, 2.0)
@@ -221,8 +222,10 @@ def test_card_splits_and_provenance(ours: Path) -> None:
     assert front["configs"] == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
     strip = cv2.imread(str(ours / "film_strip.png"))
     assert "](film_strip.png)" in card
-    # Three of the episodes, six frames of each, colour over depth.
-    assert strip is not None and strip.shape == (6 * 107 + 5 * 4, 6 * 160 + 5 * 4, 3)
+    # Three of the episodes, six frames of each, colour over depth with its scale.
+    assert strip is not None and strip.shape == (6 * 107 + 5 * 4, 6 * 164 + SCALE_PX, 3)
+    scale = strip[111:218, 6 * 164 :]
+    assert (scale == depth_scale(107)[..., ::-1]).all()
 
 
 def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
