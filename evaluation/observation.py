@@ -53,7 +53,6 @@ class Lens:
     """The camera of an observation, as odometry and joint angles give it.
 
     Attributes:
-        model: intrinsics.
         position_m: (3,) optical centre in the start frame [m].
         rotation: (3, 3) optical axes (columns x right, y down, z forward) in the start frame.
     """
@@ -123,7 +122,6 @@ class Eye:
         """Prepare the camera of `world`'s robot.
 
         Args:
-            world: the level with the robot in it.
             view: an `ego` view of this robot.
             renderer: of the world's scene, made for the view's renderer and light.
         """

@@ -33,7 +33,6 @@ class DistanceField:
     """Geodesic distance to one goal over a freemap; see `geodesic`.
 
     Attributes:
-        grid: the cells.
         distance_m: (rows, columns) float64 [m] from each cell's centre to the goal; inf where the
             goal cannot be reached.
         goal_xy_m: (2,) [m].

@@ -156,7 +156,6 @@ def turned(
     Args:
         profile: (N, 2) rows of (radius, height) [m], from bottom to top.
         center_xy: (2,) [m].
-        material: its material.
         sides: how many facets.
     """
     line = np.asarray(profile, dtype=np.float64)

@@ -121,7 +121,6 @@ def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
     """Return the stairs with both flights closed below, and the banister at their open side.
 
     Args:
-        block: the stairs.
         wood: material of the treads.
         wall: material of risers and sides.
         rail: material of the banister.

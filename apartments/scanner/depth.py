@@ -22,8 +22,6 @@ class DepthCamera:
     """A pinhole depth camera.
 
     Attributes:
-        width_px, height_px: image size.
-        focal_px: focal length.
         directions: (H · W, 3) float32 unit rays in the camera frame.
         cosine: (H · W,) float32 cosine of each ray with the optical axis.
     """

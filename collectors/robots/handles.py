@@ -17,12 +17,10 @@ class RobotHandles:
     """Addresses of one robot in a model's arrays.
 
     Attributes:
-        robot: facts of the robot.
         prefix: prefix that the scene put before every name of the robot.
         root_qpos, root_dof: first index of the floating base in qpos and qvel.
         joint_qpos, joint_dof: (J,) indices of the actuated joints in qpos and qvel.
         actuators: (J,) indices of their servos in ctrl and actuator_force.
-        root_body: id of the base body.
         bodies: ids of all bodies of the robot.
         sole_geoms: (F, S) ids of each foot's spheres (for a wheel, its tyre).
         sole_radius_m: (F, S) distance from each centre to its lowest point when upright [m].

@@ -39,7 +39,6 @@ class RobotSpec:
     """Facts of one robot, and the function that builds its model.
 
     Attributes:
-        name: registry name.
         title: name for people, e.g. in the report.
         mass_kg: total mass [kg].
         link_mass_kg: mass of each body [kg] by body name.
@@ -53,9 +52,6 @@ class RobotSpec:
         spawn_height_m: height of the base frame above the floor at which the default pose just
             touches it.
         footprint_radius_m: radius of the disc around the base that planners keep free.
-        camera: the ego camera.
-        fall: thresholds beyond which it counts as fallen.
-        command_limits: velocities that controllers may command.
         sources: where the facts come from, one line each.
         build: function that returns a new `MjSpec` of the robot alone.
         drive: the wheels of a robot on wheels; None for one that walks.

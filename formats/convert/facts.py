@@ -20,7 +20,6 @@ class DatasetFacts:
     """What belongs to a dataset as a whole, and to no episode.
 
     Attributes:
-        title, licence: of the card.
         provenance: meta/provenance.json.
         limits: when new files begin.
         depth_storage: one of LeRobot's `DEPTH_STORAGES`.

@@ -55,7 +55,6 @@ class DistanceVolume:
 
         Args:
             depth_m: (H, W) along the optical axis [m], 0 = nothing seen.
-            focal_px: focal length.
             position_m: (3,) optical centre, as estimated.
             rotation: (3, 3) camera (x right, y down, z forward) to world.
         """

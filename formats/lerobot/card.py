@@ -43,7 +43,6 @@ class CameraFacts:
     """The view that a dataset's images show.
 
     Attributes:
-        camera: size and field of view.
         height_m: (lowest, median, highest) above the floor at the episode's start.
         pitch_down_deg: (lowest, median, highest).
     """
@@ -65,12 +64,10 @@ class CardFacts:
     """Facts of a card beyond info.json.
 
     Attributes:
-        title: of the card.
         licence: identifier; the scenes' own ones, where the provenance knows them, go before it.
         splits: episodes of each published split.
         split_scenes: scenes of each published split.
         depth_far_m: readings beyond are 0.
-        camera: the view.
         provenance: meta/provenance.json.
         instructions: distinct instructions of all episodes; an episode may have several, of which
             one is its task.

@@ -48,7 +48,6 @@ class UnitParts:
         """Return the inverse of `to_json`.
 
         Args:
-            index: JSON values.
             path: file that they come from, for errors.
 
         Raises:
@@ -88,7 +87,6 @@ def write_unit(folder: Path, make: Callable[[Path], tuple[UnitParts, pa.Table]])
     """Write a unit, replaced as a whole.
 
     Args:
-        folder: the unit's.
         make: puts `<key>.mp4` of each video feature into the folder it is given, and returns the
             unit's index and its rows (of `unit_schema`).
     """

@@ -22,7 +22,6 @@ class FrameTable:
     """Per-frame columns of one episode.
 
     Attributes:
-        frames_per_second: frame rate.
         sample_index: (N,) the rollout's sample each frame shows.
         columns: feature name to (N, D) float32, or (N, 1) int64 for `action.discrete`:
             `observation.state` (13): position [m] in the start frame, quat_wxyz in the start
@@ -87,7 +86,6 @@ def build_frame_table(
     """Sample the rollout at its rendered frames.
 
     Args:
-        rollout: physics truth.
         frames: `sample_index` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
             (N, 4, optical frame), as the render stage stores them.
         frames_per_second: frame rate; divides 100.

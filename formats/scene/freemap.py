@@ -20,7 +20,6 @@ class Freemap:
     """Free space of one level.
 
     Attributes:
-        grid: the cells.
         floor_z_m: (rows, columns) float32 floor height [m]; NaN where there is no floor.
         traversable: (rows, columns) bool: floor, and nothing that a robot of up to
             `FULL_HEIGHT_M` could hit above the cell.

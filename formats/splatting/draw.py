@@ -46,7 +46,6 @@ class Eye:
     """Where an image is taken from.
 
     Attributes:
-        camera: intrinsics.
         position_world_m: (3,) optical centre.
         rotation_world: (3, 3) optical axes as columns.
     """
@@ -70,8 +69,6 @@ def draw_splats(
     """Draw the Gaussians as seen from `eye`.
 
     Args:
-        scene: the Gaussians.
-        eye: camera and its pose.
         cover_m: (H, W) depth of an opaque body in front of the scene [m], inf = none; what lies
             behind it is left out.
         cut_above_m: if the camera is above this world z, Gaussians above it are left out.

@@ -60,7 +60,6 @@ class SplatScene:
         """Prepare a cloud in world coordinates.
 
         Args:
-            cloud: the Gaussians.
             antialiased: None = as the cloud was trained.
             detail: add coarser levels, which take a third of the memory more.
         """

@@ -38,7 +38,6 @@ def path_facts(
 
     Args:
         episode: only its path and start heading are looked at.
-        shared: of the episode's level.
         visibility: what the robot's camera saw; without it, walls alone decide what is seen.
     """
     path = episode.reference_path_world_m[:, :2]

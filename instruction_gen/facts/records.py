@@ -165,8 +165,6 @@ class PathFacts:
     """The facts of one path.
 
     Attributes:
-        trajectory_id, scene_id: of the episode.
-        level: of the scene.
         length_m: of the path [m].
         turns: changes of heading of 20° and more, in order.
         segments: straight stretches between them.
@@ -178,7 +176,6 @@ class PathFacts:
         start_rooms, goal_rooms: other rooms on whose threshold the path starts or stops.
         goal_near_rooms: other rooms that lie openly close to the goal.
         camera: which looked; None where facts come from the map alone.
-        facts_version: of this record.
     """
 
     trajectory_id: str

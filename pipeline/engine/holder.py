@@ -24,9 +24,7 @@ class Holder:
     """The process that holds a lock.
 
     Attributes:
-        host: Name of the machine.
         boot: Identifies the machine's current boot, and the container, where available.
-        pid: Process id on that machine.
         started: Start time of the process, as the system counts it: ids are used again.
         token: Unique to this holding.
     """

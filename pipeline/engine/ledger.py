@@ -30,7 +30,6 @@ class Ledger:
     """Rows of one folder, by (stage, item), and records of its files, by output.
 
     Attributes:
-        root: The folder.
         damaged_lines: Numbers of the journal's lines that cannot be used, from 1. A killed run
             leaves one at most, the last; the items of all of them run again.
         hashed: Whether the manifest was written by a version that keeps records of files.
@@ -133,7 +132,6 @@ class Ledger:
         """Record a finished item durably.
 
         Args:
-            row: The item.
             files: Records of the files of its outputs, by output.
         """
         self._rows[(row.stage, row.item)] = row

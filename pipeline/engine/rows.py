@@ -14,7 +14,6 @@ class Row:
     """The outcome of one work item.
 
     Attributes:
-        stage, item: which one.
         key: digest of config, inputs and code that made it.
         status: `done`, or `quarantined` when it raised.
         failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.

@@ -21,7 +21,6 @@ class BuiltIn:
 
     Attributes:
         kind: key of `apartments.BUILDINGS`.
-        seed: of the building.
         scanned: scan it virtually; otherwise its exact, textured geometry is used as the scan.
     """
 

@@ -76,7 +76,6 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         name: `<scene>/<level>`.
         picture: the map; the JSON file beside it holds `left_m` and `top_m` (world x and y of the
             image's upper left corner), `px_per_m`, `width` and `height`.
-        paths: what to draw.
     """
     scene, level = name.rsplit("/", 1)
     mapping = json.loads(picture.with_suffix(".json").read_text())

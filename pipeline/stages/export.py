@@ -47,9 +47,6 @@ class Dataset:
     Attributes:
         name: `<robot>-<controller>-<view>`.
         scope: What the names of its items begin with, `<robot>/<controller>/<view>/`.
-        units: folder of episode units.
-        lerobot: the dataset's folder.
-        mcap: folder of MCAP files.
     """
 
     name: str
@@ -88,7 +85,6 @@ def run(
     Args:
         context: ledger of the folder that `dataset` lies in, and workers.
         items: the return value of `items`.
-        scenes: folder of the repaired scenes.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
     """
@@ -123,7 +119,6 @@ def items(
     Args:
         frames: rows of the render stage by item; their outputs are relative to `root`.
         root: folder of the render stage's ledger.
-        scenes: folder of the repaired scenes.
         dataset: where the files go.
         depth_storage: see `check_depth_storage`.
         per_instruction: make one unit of each instruction, with the same frames.

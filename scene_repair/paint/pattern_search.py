@@ -56,7 +56,6 @@ def best_place(
     """Return where the template's ring fits best and all of the hole can be copied.
 
     Args:
-        stock: what to copy from.
         search: the window of it that is searched.
         template: (h, w) picture around the hole.
         ring: (h, w) where it is compared.

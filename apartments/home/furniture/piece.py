@@ -21,7 +21,6 @@ class Piece:
     Attributes:
         name: stem of its node name, e.g. `Sofa`.
         category: e.g. `sofa`.
-        shape: its triangles.
     """
 
     name: str

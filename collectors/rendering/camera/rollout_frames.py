@@ -27,11 +27,7 @@ class RolloutFrames:
     """The frames of a rollout before they are rendered.
 
     Attributes:
-        rollout: recorded states.
-        view: camera, light and renderer.
-        body: the robot's body.
         sample_index: (N,) samples of the rollout.
-        path: camera poses of the N frames.
         lamp: robot's camera that carries the lamp of the light `CL`; None = the view's camera.
     """
 
@@ -55,8 +51,6 @@ class RolloutFrames:
 
         Args:
             renderer: renderer of the view's name and light.
-            rollout: recorded states.
-            view: camera, light and renderer.
             samples: indices of samples of the rollout.
             robot: robot of the rollout; None = the registry's robot of that name.
 

@@ -31,7 +31,6 @@ class SceneArrays(NamedTuple):
         base_linear: (M, 3) base colours in linear light.
         texture: (M,) int32 index of the texture, −1 = none.
         shaded: (M,) bool: whether the light falls on it; otherwise its texture is shown unchanged.
-        pack: the textures.
     """
 
     face: F32

@@ -24,7 +24,6 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     """Return the trilinear value of a grid at a surface point with a unit normal.
 
     Args:
-        grid: traced grid.
         x: point [m], x.
         y: point [m], y.
         z: point [m], z.
@@ -93,7 +92,6 @@ def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain
         nz: z.
         cosine: between the normal and the direction to the viewer.
         corners: whether the fixed room light is darker in corners.
-        light: the light.
         lamp_gain: 1 where the lamp reaches, 0 in its shadow.
     """
     if not light.relit:

@@ -36,8 +36,6 @@ class StandingRobot:
     """A robot standing in its default pose, its soles on the floor.
 
     Attributes:
-        robot: robot to render.
-        body: its shapes.
         lower_m, upper_m: (3,) bounds of its visible shapes [m].
     """
 
@@ -81,7 +79,6 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
 
     Args:
         studio: from `make_studio`.
-        robot: robot to render.
         tile_px2: area of a view [px].
     """
     standing = StandingRobot.of(robot)
@@ -116,7 +113,6 @@ def walking_strip(
 
     Args:
         studio: from `make_studio`.
-        robot: robot to render.
         stroll: two cycles of its gait, along +x or in place.
         tile_px2: area of a moment [px].
     """
