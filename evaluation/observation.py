@@ -1,7 +1,5 @@
 """What a policy is shown: the robot's camera, the instruction, its own body and past."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +33,7 @@ class Start:
     yaw_rad: float
 
     @classmethod
-    def of(cls, world: World) -> Start:
+    def of(cls, world: World) -> "Start":
         """Return the frame of a robot's present pose."""
         pose = world.pose
         z = float(floor_z(world.freemap, np.array([pose.x_m, pose.y_m])))

@@ -1,7 +1,5 @@
 """Addresses of a robot's state in a compiled model, alone or attached under any prefix."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
@@ -46,7 +44,7 @@ class RobotHandles:
     camera: int
 
     @classmethod
-    def find(cls, robot: RobotSpec, model: mujoco.MjModel) -> RobotHandles:
+    def find(cls, robot: RobotSpec, model: mujoco.MjModel) -> "RobotHandles":
         """Find `robot` in `model` by its names, under any prefix it was attached with.
 
         Raises:

@@ -1,7 +1,5 @@
 """A robot as one frozen record, and the physics options that every model with a robot shares."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -76,7 +74,7 @@ class RobotSpec:
     fall: FallThresholds
     command_limits: CommandLimits
     sources: tuple[str, ...]
-    build: Callable[[RobotSpec], mujoco.MjSpec] = field(repr=False)
+    build: "Callable[[RobotSpec], mujoco.MjSpec]" = field(repr=False)
     drive: WheelDrive | None = None
     folder: Path | None = None
     content_sha256: str = ""

@@ -1,7 +1,5 @@
 """The dataset card, README.md, with the metadata that the Hugging Face hub reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -52,7 +50,7 @@ class CameraFacts:
     pitch_down_deg: tuple[float, float, float]
 
     @staticmethod
-    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> CameraFacts:
+    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> "CameraFacts":
         """Return the facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
         forward_z = quat_to_matrix(camera_pose[:, 3:].astype(np.float64))[:, 2, 2]
         pitch = np.rad2deg(np.arcsin(np.clip(-forward_z, -1.0, 1.0)))

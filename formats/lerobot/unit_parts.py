@@ -1,7 +1,5 @@
 """The parts of an episode unit, and how they are written; see `unit`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -44,7 +42,7 @@ class UnitParts:
     columns: dict[str, Any]
 
     @staticmethod
-    def from_json(index: Mapping[str, Any], path: Path) -> UnitParts:
+    def from_json(index: Mapping[str, Any], path: Path) -> "UnitParts":
         """Return the inverse of `to_json`.
 
         Args:

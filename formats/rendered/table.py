@@ -4,8 +4,6 @@ Alignment: what is observed at frame t precedes `action[t]`; the last frame's ac
 zero motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -65,7 +63,7 @@ class StartFrame:
     yaw_rad: float
 
     @staticmethod
-    def of(rollout: Rollout) -> StartFrame:
+    def of(rollout: Rollout) -> "StartFrame":
         """Return the start frame of a rollout."""
         x, y, _ = rollout.position_world_m[0]
         origin = np.array([x, y, rollout.floor_z_m[0]])

@@ -5,8 +5,6 @@ to come is sorted and blended; the rest waits. As soon as all pixels of a tile a
 behind it are not even projected: the picture is that of a full sort at a fraction of its cost.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -153,7 +151,7 @@ class _State:
     depth: F32
 
     @staticmethod
-    def of(width: int, height: int, cover_m: F32 | None, with_depth: bool) -> _State:
+    def of(width: int, height: int, cover_m: F32 | None, with_depth: bool) -> "_State":
         rows, columns = -(-height // TILE), -(-width // TILE)
         down = np.minimum(height - TILE * np.arange(rows), TILE)
         across = np.minimum(width - TILE * np.arange(columns), TILE)

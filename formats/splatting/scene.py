@@ -1,7 +1,5 @@
 """Gaussians prepared for drawing: in chunks of neighbours, with bounds to cull them by."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +54,7 @@ class SplatScene:
     @staticmethod
     def of(
         cloud: GaussianCloud, *, antialiased: bool | None = None, detail: bool = False
-    ) -> SplatScene:
+    ) -> "SplatScene":
         """Prepare a cloud in world coordinates.
 
         Args:

@@ -6,8 +6,6 @@ per item would cost quadratic time), and folded into the manifest at the next `s
 and each line of the journal carry a checksum of their own.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Collection, Iterable, Mapping
@@ -75,7 +73,7 @@ class Ledger:
                     self.damaged_lines.append(number)
 
     @staticmethod
-    def existing(root: Path) -> Ledger:
+    def existing(root: Path) -> "Ledger":
         """Open an existing ledger: in `root`, or in the run folder that contains `root`.
 
         Raises:

@@ -1,7 +1,5 @@
 """Names of the built-in scenes: `builtin`, `builtin:house`, `builtin-exact:villa*10@100`."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass, replace
 
@@ -33,7 +31,7 @@ class BuiltIn:
         """Name of the scene; the same building has the same name in every run."""
         return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
 
-    def and_next(self, count: int) -> list[BuiltIn]:
+    def and_next(self, count: int) -> "list[BuiltIn]":
         """Return `count` buildings of consecutive seeds, of which this is the first."""
         return [replace(self, seed=self.seed + k) for k in range(count)]
 

@@ -1,7 +1,5 @@
 """Paths drawn over the top-down maps of the scenes."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Sequence
@@ -49,7 +47,7 @@ class ScenePaths:
         return dict(zip(robots, itertools.cycle(ROBOT_COLORS), strict=False))
 
     @staticmethod
-    def load(root: Path, rows: Sequence[Row]) -> ScenePaths:
+    def load(root: Path, rows: Sequence[Row]) -> "ScenePaths":
         """Read the rollouts of the replay stage's rows."""
         episodes, tracks = {}, []
         for row in rows:

@@ -1,7 +1,5 @@
 """Stages `export`, `mcap` and `dataset`: episodes as LeRobot v3 and MCAP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -56,7 +54,7 @@ class Dataset:
     mcap: Path
 
     @staticmethod
-    def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
+    def under(root: Path, robot: str, controller: str, view: str) -> "Dataset":
         """Return the folders below an output folder."""
         name = f"{robot}-{controller}-{view}"
         folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))

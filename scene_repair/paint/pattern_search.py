@@ -1,7 +1,5 @@
 """Masked template matching."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,7 +43,7 @@ class Stock:
     spectra: dict[Window, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     @staticmethod
-    def of(picture: Image32, source: Mask) -> Stock:
+    def of(picture: Image32, source: Mask) -> "Stock":
         """Prepare an image."""
         return Stock(picture, source, *reduced(source, picture))
 

@@ -1,7 +1,5 @@
 """The frames of a recorded rollout under one view: camera poses, then pictures."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -46,7 +44,7 @@ class RolloutFrames:
         view: View,
         samples: NDArray[np.int64],
         robot: RobotSpec | None = None,
-    ) -> RolloutFrames:
+    ) -> "RolloutFrames":
         """Compute the camera poses of a view at `samples` (N,).
 
         Args:

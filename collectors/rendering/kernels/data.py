@@ -1,7 +1,5 @@
 """Arguments of the kernels: the scene, its light, and how to trace rays."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -84,7 +82,7 @@ class Packets(NamedTuple):
     samples: F32
 
     @classmethod
-    def of(cls, scene: PacketScene) -> Packets:
+    def of(cls, scene: PacketScene) -> "Packets":
         """Allocate the packets for a scene."""
         rays, shadow_rays = packet(), packet()
         return cls(

@@ -1,7 +1,5 @@
 """Portraits of a robot in the studio: a turntable and a film strip of its gait."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -45,7 +43,7 @@ class StandingRobot:
     upper_m: Array
 
     @classmethod
-    def of(cls, robot: RobotSpec) -> StandingRobot:
+    def of(cls, robot: RobotSpec) -> "StandingRobot":
         """Return `robot` in its default pose."""
         body = RobotBody(robot.build_model(floor=False), robot.joint_names)
         points = _points(cls._standing(robot, body, 0.0))
@@ -155,7 +153,7 @@ class _Shot:
     view: Array  # world to optical frame, (3, 3)
 
     @classmethod
-    def framing(cls, points: Array, *, away: Array, tile_px2: int) -> _Shot:
+    def framing(cls, points: Array, *, away: Array, tile_px2: int) -> "_Shot":
         """Return a camera that looks along −`away` and frames all points (N, 3) tightly."""
         low, high = points.min(0), points.max(0)
         target = 0.5 * (low + high)
