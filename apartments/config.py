@@ -56,7 +56,6 @@ class ApartmentConfig:
         robot_radius_m: every room is reachable for a disc of this radius.
         scan_tilt_deg: the scanner's vertical leans by this angle about world x.
         scan_offset_m: the scanner's origin lies here in world coordinates.
-        scan: how it is scanned.
     """
 
     kind: str = "apartment"

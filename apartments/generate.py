@@ -152,8 +152,6 @@ def write_labels(path: Path, scene: TrueScene, pose: NDArray[np.float64]) -> Non
     """Write the bounds of every object and room, in the coordinates of the scan.
 
     Args:
-        path: file to write.
-        scene: the building.
         pose: (4, 4) from world to the scanner's frame; see `scan_pose`.
     """
     content = {"frame": "source", "objects": _labels(scene, pose)}

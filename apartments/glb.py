@@ -22,7 +22,6 @@ class GlbNode:
     """Triangles with one texture; consecutive ones of one name become one node of the file.
 
     Attributes:
-        name: of the node and its mesh.
         vertices: (V, 3) float32 [m], y up.
         uv: (V, 2) float32, v down from the image's top as glTF has it.
         faces: (F, 3) uint32.
@@ -70,8 +69,6 @@ def write_glb(
     """Write `nodes` with JPEG `pages` to `path`.
 
     Args:
-        path: file to write.
-        nodes: what it shows.
         pages: images, encoded as JPEG.
         extras: goes into the asset's header.
         tiled: images repeat beyond their borders; otherwise they are clamped.

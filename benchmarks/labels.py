@@ -1,7 +1,5 @@
 """Discrete labels: where executing them ends, how much they turn; whether the expert arrives."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -44,7 +42,7 @@ class Walk:
     reversals: int
 
     @staticmethod
-    def of(rollout: Rollout) -> Walk:
+    def of(rollout: Rollout) -> "Walk":
         at = rollout.frame_samples(4)
         yaw = np.unwrap(quat_to_yaw(rollout.quat_wxyz[at])).astype(np.float64)
         poses = np.column_stack([rollout.position_world_m[at, :2], yaw]).astype(np.float64)

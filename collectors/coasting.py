@@ -53,7 +53,6 @@ def measure_coasting(
     every stop does is left out.
 
     Args:
-        robot: Robot to measure.
         gait: actuation of its joints; see `world.Gait`.
         commands_m_s: speeds to stop from; those beyond the robot's limits are its limit.
     """

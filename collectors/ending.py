@@ -16,7 +16,6 @@ class Ending:
 
     Attributes:
         stopped_tick: when the controller stopped the robot, or None.
-        fallen: whether the robot fell.
         rest_tick: since when it has been at rest; None if it never came to rest or fell.
         down: whether it is still down at the end of the record.
         recovered: whether it was up for the second half of the time after its fall.

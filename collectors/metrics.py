@@ -71,10 +71,7 @@ def rollout_metrics(
     the robot's speed.
 
     Args:
-        episode: what was asked.
-        freemap: the level's.
         position_world_m: where the base was.
-        end_reason: why it ended.
     """
     stride = STATE_RATE_HZ // ACTION_RATE_HZ
     last = len(position_world_m) - 1

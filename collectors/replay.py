@@ -34,9 +34,6 @@ def replay_episode(
     To replay many episodes of one level, `open_world` once and call `replay_in`.
 
     Args:
-        bundle: the repaired scene.
-        episode: what to do.
-        config: how.
         cache_dir: where compiled models are kept; none are when None.
 
     Raises:
@@ -65,9 +62,6 @@ def replay_in(
     that ends as `diverged`, its last state among the facts.
 
     Args:
-        world: the level with the robot in it.
-        episode: what to do.
-        config: how.
         choose: function that returns the chooser of a task's discrete actions; the expert when
             None. It may read `world`: physics does not advance while it chooses.
         steer: function that returns the steerer of a task, whose motions replace the controller's

@@ -14,11 +14,7 @@ class ReplayConfig:
 
     Attributes:
         robot: what `get_robot` takes: a registry name, or the path of a robot's folder.
-        controller: registry name.
         seed: of the small random joint offsets at spawn, together with the episode's id.
-        path, speed, flash: settings of each controller.
-        outcome: limits beyond which an episode ends.
-        physics: how the level becomes physics.
         spawn_joint_noise_rad: standard deviation of the joint offsets, so that starts differ.
         settle_least_s, settle_most_s: bounds of the time to settle before the first sample.
         settled_m_s, settled_rad_s: base and joint speeds below which a robot is at rest.

@@ -22,7 +22,6 @@ def expert_labels(
     """Return the expert's action at each frame of a robot that follows its path.
 
     Args:
-        task: what the robot is to do.
         position_world_m: (N, 3) at 100 Hz.
         quat_wxyz: (N, 4).
     """

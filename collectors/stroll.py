@@ -50,7 +50,6 @@ def stroll(
     """Walk along +x, turn or stand, and record two cycles once the gait is steady.
 
     Args:
-        robot: Robot to simulate.
         command: vx, vy [m/s] and yaw rate [rad/s], clipped to what the robot may be asked for.
         policy: what moves it; default what moves it in a replay.
 

@@ -39,14 +39,9 @@ class World:
     """Physics, robot and maps shared by all episodes of one level and one robot.
 
     Attributes:
-        bundle: the scene.
-        level: which of its levels.
-        robot: Robot to simulate.
         model, data: compiled physics and its state; `data` is reused by every episode.
         handles: where the robot's state lies in them.
         base: (7,) view of the base's position and quaternion in `data`.
-        gait: actuation of the joints.
-        surface: the floor.
         freemap: where robots may be.
         obstacles: number of obstacle geoms, which come first in the model.
         gate: disables obstacle contacts while no obstacle is within reach.
@@ -135,11 +130,7 @@ def open_world(
     """Build or load the physics of a level with `robot`.
 
     Args:
-        bundle: the scene.
-        level: which of its levels.
-        robot: Robot to simulate.
         gait: actuation of the joints; the robot's own wheels or policy when None.
-        config: how the level becomes physics.
         cache_dir: where compiled models are kept; none are when None.
 
     Raises:

@@ -64,7 +64,6 @@ class EpisodeEntry:
         videos: by feature.
         uid: `split/scene/id`, the same for every robot, controller and view.
         trajectory: `scene/trajectory`; episodes of one path share it, whatever their instruction.
-        scene, split, robot, controller, light, end_reason: labels.
         instructions: its own first.
         camera: the view that its images show.
         actions_derived: `action.discrete` was not executed; an expert would do it at each pose.
@@ -93,7 +92,6 @@ class DatasetIndex:
     """The part of a dataset's `meta/` that loaders need.
 
     Attributes:
-        root: the dataset's folder.
         info: `meta/info.json`.
         table: the needed columns of `meta/episodes`, in order; some 300 bytes per episode.
     """

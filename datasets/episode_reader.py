@@ -34,7 +34,6 @@ class EpisodeReader:
     """Reads one dataset's episodes; picklable, so that workers get their own.
 
     Args:
-        index: of the dataset.
         size_px: side of the square images to give; None leaves them as they are.
         videos: kept open; shared between readers of one process.
     """

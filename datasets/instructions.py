@@ -16,7 +16,6 @@ class InstructionChoice:
 
     Attributes:
         choice: `own` is the episode's first text, always; `any` draws one of all its texts.
-        seed: Random seed of the draws.
         epoch: another one draws other instructions; `replace` it between passes over the data.
     """
 

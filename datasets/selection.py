@@ -1,7 +1,5 @@
 """Selected episodes of one or several datasets, for loaders."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Iterable, Sequence
@@ -94,7 +92,7 @@ class Selection:
         facts = json.dumps([*columns, self.lengths.tolist()])
         return hashlib.blake2b(facts.encode(), digest_size=12).hexdigest()
 
-    def take(self, mask: NDArray[np.bool_]) -> Selection:
+    def take(self, mask: NDArray[np.bool_]) -> "Selection":
         """Return the episodes of `mask` (N,)."""
         return Selection(self.datasets, self.dataset[mask], self.row[mask])
 

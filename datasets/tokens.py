@@ -25,7 +25,6 @@ class Tokens:
     """Vocabulary and length of tokenised instructions.
 
     Attributes:
-        vocabulary: known words.
         length: tokens that every instruction is padded or cut to.
     """
 

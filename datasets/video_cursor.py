@@ -1,7 +1,5 @@
 """Frames of a video by number: opened once, decoded on from where the last request ended."""
 
-from __future__ import annotations
-
 import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
@@ -103,6 +101,6 @@ class OpenVideos:
         self._open.move_to_end(key)
         return self._open[key]
 
-    def __reduce__(self) -> tuple[Callable[[int], OpenVideos], tuple[int]]:
+    def __reduce__(self) -> "tuple[Callable[[int], OpenVideos], tuple[int]]":
         """Support pickling: a spawned worker opens its own videos."""
         return OpenVideos, (self._limit,)

@@ -76,13 +76,8 @@ def corrected_walk(
     """Let a checkpoint's model walk an episode and return the walk with the expert's answers.
 
     Args:
-        world: the level with the robot in it.
-        episode: what to do.
         config: robot, controller and further settings; see `closed_loop`.
-        checkpoint: the model.
-        eye: the robot's camera.
         expert_share: probability that a step is the expert's, β.
-        rng: draws whose step it is.
 
     Raises:
         PolicyError: the model failed.

@@ -36,9 +36,6 @@ class PolicyChooser:
     """Shows a policy what the robot sees whenever the controller wants an action.
 
     Attributes:
-        world: the level with the robot in it.
-        assignment: what the policy knows at the start.
-        policy: chooses the actions.
         eye: the robot's camera; images are black without one.
         kind: of actions, see `ACTION_KINDS`.
         waypoints: the number K of waypoints that observations show before the first ones.
@@ -161,8 +158,6 @@ def evaluate_episode(
     """Let a policy walk an episode; the same world, episode, config and answers give the same bits.
 
     Args:
-        world: the level with the robot in it.
-        episode: what to do.
         config: robot, controller and further settings; see `closed_loop`. Discrete actions
             are carried out by `speed` and `flash`, velocities by `speed`, waypoints by `path`.
         policy: chooses the actions; the expert, which knows the path, when None.

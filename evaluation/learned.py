@@ -1,7 +1,5 @@
 """Learned policies: a checkpoint of `vlnpe train` in closed loop."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..formats.core.rollout import Action
@@ -21,7 +19,7 @@ class LearnedPolicy:
         self._stepper = Stepper(checkpoint, choice)
 
     @classmethod
-    def load(cls, path: Path, choice: Choice = LIKELIEST) -> LearnedPolicy:
+    def load(cls, path: Path, choice: Choice = LIKELIEST) -> "LearnedPolicy":
         """Return the policy of a checkpoint.
 
         Raises:

@@ -1,7 +1,5 @@
 """What a policy is shown: the robot's camera, the instruction, its own body and past."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
@@ -35,7 +33,7 @@ class Start:
     yaw_rad: float
 
     @classmethod
-    def of(cls, world: World) -> Start:
+    def of(cls, world: World) -> "Start":
         """Return the frame of a robot's present pose."""
         pose = world.pose
         z = float(floor_z(world.freemap, np.array([pose.x_m, pose.y_m])))
@@ -53,7 +51,6 @@ class Lens:
     """The camera of an observation, as odometry and joint angles give it.
 
     Attributes:
-        model: intrinsics.
         position_m: (3,) optical centre in the start frame [m].
         rotation: (3, 3) optical axes (columns x right, y down, z forward) in the start frame.
     """
@@ -123,7 +120,6 @@ class Eye:
         """Prepare the camera of `world`'s robot.
 
         Args:
-            world: the level with the robot in it.
             view: an `ego` view of this robot.
             renderer: of the world's scene, made for the view's renderer and light.
         """

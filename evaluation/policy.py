@@ -33,8 +33,6 @@ class Assignment:
     """What a policy knows when an episode starts: neither the goal nor the path.
 
     Attributes:
-        episode_id, scene_id: of the episode.
-        instruction: the text to follow.
         robot, controller: names of what carries the actions out.
         actions: kind of actions to give, see `motions.ACTION_KINDS`.
     """

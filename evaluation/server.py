@@ -81,7 +81,6 @@ def serve(make_policy: Callable[[], Any], host: str = "127.0.0.1", port: int = 8
 
     Args:
         make_policy: makes an object with `reset(episode)` and `act(observation)`.
-        host: address to listen on.
         port: port to listen on; 0 takes a free one. It is printed.
     """
     from websockets.exceptions import ConnectionClosed

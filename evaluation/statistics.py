@@ -43,11 +43,9 @@ def clustered_interval(
         values: (N,) one per episode; NaN and infinite ones are left out.
         scenes: (N,) of each episode.
         trajectories: (N,) of each episode, unique within a scene.
-        rng: draws.
         rate: values are 0 or 100, and then fewer than `LEAST_PATHS` trajectories have an interval,
             too: Clopper's and Pearson's for their number. So have draws that would not vary, of
             nothing but zeros or hundreds.
-        resamples: number of draws.
     """
     array = np.asarray(values, np.float64)
     groups: dict[str, dict[str, list[float]]] = {}

@@ -110,7 +110,6 @@ def instruct_episodes(
     Args:
         episodes: any number, of any scenes; those of one trajectory share their texts.
         scenes: folder of repaired scenes, one folder each.
-        config: how.
         seed: of the phrasing; each path's texts depend on it and on the path alone.
         visibility: what the robot's camera sees along the paths; without it, walls alone decide.
         writer: writes a path's texts; by default the one that `config` names.

@@ -68,7 +68,6 @@ class WrittenText:
     """One text of a path.
 
     Attributes:
-        text: the instruction.
         language: of `LANGUAGES`.
         style: of `STYLES`.
         writer: who wrote it in the end: a text of a model that fails is the composer's.

@@ -26,7 +26,6 @@ class View:
 
     Attributes:
         width_px, height_px: of the images as rendered, before they were resized to `size_px`.
-        hfov_deg: horizontal field of view.
         depth_far_m: where the recorded depth ends; 0 beyond.
     """
 
@@ -45,11 +44,7 @@ class Card:
     """What a checkpoint's weights are.
 
     Attributes:
-        config: model and training.
         words: vocabulary in index order.
-        view: the camera of the training data.
-        robots, controllers, lights: of the training data.
-        seed: of the training.
         steps: number of steps made so far.
         recipe: title, mixture, and digest of the recipe file.
         data: per source its datasets, episodes, share and digest.

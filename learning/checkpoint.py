@@ -21,7 +21,6 @@ class Checkpoint:
     """A trained model and its card.
 
     Attributes:
-        card: its description.
         model: in evaluation mode, on the CPU, in float32.
         sha256: of the file of weights.
     """
@@ -37,7 +36,6 @@ def save_checkpoint(path: Path, model: Model, card: Card) -> None:
     Args:
         path: of the weights, `.safetensors`.
         model: on any device.
-        card: its description.
     """
     if path.suffix != SUFFIX:
         raise InputError(f"{path}: a checkpoint's file ends in {SUFFIX}")

@@ -72,7 +72,6 @@ class TrainConfig:
 
     Attributes:
         seeds: trainings per row of an ablation.
-        steps: of the optimiser.
         batch: episodes per step.
         learning_rate: at its highest; it falls to 0 along a cosine.
         weight_decay: of AdamW.
@@ -88,7 +87,6 @@ class TrainConfig:
         stop_progress_weight: of RDP's stop head, λ.
         checkpoint_every: steps between checkpoints.
         device: `cpu`, `cuda`, or `auto`: a GPU where there is one.
-        model: the agent.
     """
 
     seeds: int = 3

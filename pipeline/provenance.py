@@ -86,7 +86,6 @@ def scene_provenance(
     The same for all episodes of a scene and a view, so that files of one dataset can be joined.
 
     Args:
-        bundle: the scene.
         held_out: scenes of the run that validate.
         encoding: frame rate, light, codecs, … of the pixels.
         code_sha256: digest of the code that made the episode and its pixels.

@@ -72,7 +72,6 @@ class Release:
     """What would be uploaded.
 
     Attributes:
-        root: the dataset's folder.
         repo: `user/name`.
         tag: of the release; it never moves.
         private: of a repository that does not exist yet.
@@ -118,10 +117,8 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
     """Plan the release of a dataset without using the network.
 
     Args:
-        root: the dataset's folder.
         repo: `user/name`.
         tag: name of the release; by default one made of the content's digest.
-        private: whether a new repository is private.
 
     Raises:
         InputError: a name the hub does not take.

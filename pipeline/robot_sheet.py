@@ -19,10 +19,8 @@ class RobotSheet:
     """One robot as numbers and words; JSON values throughout.
 
     Attributes:
-        name, title: what to call it.
         mover: `policy`, `wheels`, or `none` for what is only placed.
         mass_kg, height_m: of the whole robot.
-        camera_height_m, camera_pitch_down_deg, camera_px, camera_hfov_deg: its ego camera.
         vx_m_s, vy_m_s, yaw_rad_s: lowest and highest command.
         footprint_radius_m: what planners keep free.
         controllers: that can move it.

@@ -1,7 +1,5 @@
 """What to sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from ..formats.core.errors import InputError, check_name
@@ -99,7 +97,7 @@ class SampleConfig:
                 "and at least 0"
             )
 
-    def for_radius(self, radius_m: float) -> SampleConfig:
+    def for_radius(self, radius_m: float) -> "SampleConfig":
         """Return the same for a robot of another radius [m], with room for it at both ends."""
         ends_m = max(SampleConfig.end_clearance_m, radius_m)
         return replace(self, robot_radius_m=radius_m, end_clearance_m=ends_m)

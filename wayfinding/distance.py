@@ -3,8 +3,6 @@
 The sampler plans episodes with it; the collectors re-plan, and measure NE, OS and SPL with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +21,9 @@ AGENT_RADIUS_M = 0.10
 SNAP_M = 0.5  # a point this close to reachable floor counts as standing there
 
 
-def distance_field(freemap: Freemap, goal_xy_m: ArrayLike, radius_m: float = 0.0) -> DistanceField:
+def distance_field(
+    freemap: Freemap, goal_xy_m: ArrayLike, radius_m: float = 0.0
+) -> "DistanceField":
     """Return the geodesic distances to `goal_xy_m` (2,) [m] for a disc of `radius_m`."""
     return DistanceField.build(freemap, np.asarray(goal_xy_m, dtype=np.float64), radius_m)
 
@@ -33,7 +33,6 @@ class DistanceField:
     """Geodesic distance to one goal over a freemap; see `geodesic`.
 
     Attributes:
-        grid: the cells.
         distance_m: (rows, columns) float64 [m] from each cell's centre to the goal; inf where the
             goal cannot be reached.
         goal_xy_m: (2,) [m].
@@ -44,7 +43,7 @@ class DistanceField:
     goal_xy_m: NDArray[np.float64]
 
     @staticmethod
-    def build(freemap: Freemap, goal_xy_m: NDArray[np.float64], radius_m: float) -> DistanceField:
+    def build(freemap: Freemap, goal_xy_m: NDArray[np.float64], radius_m: float) -> "DistanceField":
         """Compute distances from the goal over the cells free for `radius_m`.
 
         A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a

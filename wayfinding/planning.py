@@ -58,7 +58,6 @@ def plan_path(
     way out of the tight spot (a robot that has drifted must be able to leave).
 
     Args:
-        freemap: the level.
         start_xy_m: (2,) world [m]; the path starts exactly there.
         goal_xy_m: (2,) world [m]; the path ends exactly there.
         radius_m: clearance that every point needs [m].

@@ -62,7 +62,6 @@ class RegionMap:
     """The rooms of a level by cell.
 
     Attributes:
-        grid: the cells.
         region: (rows, columns) int32 index into `names`, −1 = outside of every room.
         names: what each room is called (`kitchen`), or "" if unknown.
         width_m: (rows, columns) float64 [m]: twice the distance to the nearest wall, i.e. the

@@ -28,8 +28,6 @@ def build_scene(
     """Return a furnished building; the same state of `rng` gives the same building.
 
     Args:
-        rng: source of randomness.
-        config: what kind of building, and its sizes.
         painted: paint the images of the materials; see `Palette`.
 
     Raises:

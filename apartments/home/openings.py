@@ -48,9 +48,6 @@ class Openings:
     """Draws the openings of one storey.
 
     Args:
-        rng: source of randomness.
-        rooms: of the storey.
-        config: sizes of doors and walls.
         blocks: stairs and voids; no opening leads into them.
     """
 

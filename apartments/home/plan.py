@@ -96,7 +96,6 @@ class FloorPlan:
     Each doorway appears once per room it joins. Heights count from the storey's own floor.
 
     Attributes:
-        rooms: the rooms.
         openings: holes in their walls.
         wall_m: thickness of the walls.
         ceiling_m: room height.

@@ -3,8 +3,6 @@
 Texture coordinates are metres on the surface; a material says how large its image is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -30,7 +28,7 @@ class Triangles:
     uv: Array
     material: NDArray[np.int32]
 
-    def moved(self, yaw_rad: float = 0.0, offset_m: ArrayLike = (0.0, 0.0, 0.0)) -> Triangles:
+    def moved(self, yaw_rad: float = 0.0, offset_m: ArrayLike = (0.0, 0.0, 0.0)) -> "Triangles":
         """Return this turned about z, then shifted."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
@@ -40,7 +38,7 @@ class Triangles:
             self.material,
         )
 
-    def tilted(self, roll_rad: float, about_m: ArrayLike) -> Triangles:
+    def tilted(self, roll_rad: float, about_m: ArrayLike) -> "Triangles":
         """Return this turned about the x axis through `about_m` (3,)."""
         c, s = np.cos(roll_rad), np.sin(roll_rad)
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
@@ -156,7 +154,6 @@ def turned(
     Args:
         profile: (N, 2) rows of (radius, height) [m], from bottom to top.
         center_xy: (2,) [m].
-        material: its material.
         sides: how many facets.
     """
     line = np.asarray(profile, dtype=np.float64)

@@ -1,7 +1,5 @@
 """A staircase with two flights and a landing, the stairwell above it and its railings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -63,7 +61,7 @@ class _Frame:
     u_sign: int
 
     @staticmethod
-    def of(block: Block) -> _Frame:
+    def of(block: Block) -> "_Frame":
         """Return the frame of stairs or of the void over them."""
         return _Frame(block.rect(), block.front[0], -block.front[1])
 
@@ -121,7 +119,6 @@ def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
     """Return the stairs with both flights closed below, and the banister at their open side.
 
     Args:
-        block: the stairs.
         wood: material of the treads.
         wall: material of risers and sides.
         rail: material of the banister.

@@ -91,8 +91,6 @@ def tiles(
     """Paint tiles with grout.
 
     Args:
-        rng: source of randomness.
-        shape: of the image.
         count: tiles along y and x.
         base: colour (0–255).
         other: second colour of a chequered floor.

@@ -34,7 +34,6 @@ class Palette:
     """Lists each material once, in the order of first use, to be made from its own random stream.
 
     Args:
-        rng: source of randomness of the images.
         painted: paint the images; without them all are plain grey, which is much faster where only
             the geometry matters.
     """

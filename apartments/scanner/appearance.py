@@ -1,7 +1,5 @@
 """Sample the colour of the exact surface."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,7 +34,7 @@ class Appearance:
     material: NDArray[np.int32]
 
     @staticmethod
-    def of(scene: TrueScene) -> Appearance:
+    def of(scene: TrueScene) -> "Appearance":
         """Collect the materials of `scene`."""
         materials: Sequence[Material] = scene.materials
         counts = [m.image.shape[0] * m.image.shape[1] for m in materials]

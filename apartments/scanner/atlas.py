@@ -38,7 +38,6 @@ def cut(mesh: ScanMesh, label: NDArray[np.int32], texel_m: NDArray[np.float64]) 
     """Cut `mesh` into charts.
 
     Args:
-        mesh: the scan.
         label: (F,) object of each triangle.
         texel_m: (O,) side of a texel per object [m].
     """

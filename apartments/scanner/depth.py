@@ -1,7 +1,5 @@
 """Simulate depth images of the exact apartment with a depth camera's errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2
@@ -22,8 +20,6 @@ class DepthCamera:
     """A pinhole depth camera.
 
     Attributes:
-        width_px, height_px: image size.
-        focal_px: focal length.
         directions: (H · W, 3) float32 unit rays in the camera frame.
         cosine: (H · W,) float32 cosine of each ray with the optical axis.
     """
@@ -35,7 +31,7 @@ class DepthCamera:
     cosine: NDArray[np.float32]
 
     @staticmethod
-    def of(config: ScanConfig) -> DepthCamera:
+    def of(config: ScanConfig) -> "DepthCamera":
         """Return the scanner's camera."""
         width, height = config.view_px
         focal = 0.5 * width / float(np.tan(0.5 * np.deg2rad(config.view_hfov_deg)))

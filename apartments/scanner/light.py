@@ -1,7 +1,5 @@
 """Illumination: daylight from windows, ceiling lamps, sun and ambient reflection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 
@@ -37,7 +35,7 @@ class Lights:
     sun: NDArray[np.float64]
 
     @staticmethod
-    def of(rng: np.random.Generator, scene: TrueScene) -> Lights:
+    def of(rng: np.random.Generator, scene: TrueScene) -> "Lights":
         """Collect the windows and lamps of `scene`, and place a sun in front of a window."""
         boxes, normals = [], []
         holes = [(p, o) for p in scene.storeys for o in p.openings if o.kind == "window"]

@@ -1,7 +1,5 @@
 """One case: a scene with planted holes, repaired and scored."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
@@ -79,7 +77,7 @@ def open_source(scene: str, cache: Path) -> Source:
     return house() if scene == HOUSE else headset(scene)
 
 
-def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> Result:
+def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> "Result":
     """Plant, repair and measure, unless that was done with the same code.
 
     Args:

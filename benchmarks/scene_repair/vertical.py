@@ -1,7 +1,5 @@
 """Vertical rays through triangles: the measuring instrument, apart from the code it measures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +25,7 @@ class Surfaces:
         faces: NDArray[np.integer],
         low_m: float = -np.inf,
         high_m: float = np.inf,
-    ) -> Surfaces:
+    ) -> "Surfaces":
         """Return those of a mesh (V, 3), (F, 3) that reach into the band of heights."""
         z = vertices_m[:, 2][faces]
         use = (z.max(axis=1) >= low_m) & (z.min(axis=1) <= high_m)

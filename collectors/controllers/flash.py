@@ -20,7 +20,6 @@ class FlashConfig:
         steps_per_action: physics steps that one action stands for in the record; 50 is VLN-PE's.
         refuse_collisions: stay at the last free pose, which ends the episode as stuck, instead of
             jumping into obstacles and flagging each such target.
-        expert: how actions are chosen.
     """
 
     steps_per_action: int = 50

@@ -66,7 +66,6 @@ class RouteCursor:
             nearest: index returned when no farther point is in sight.
             clearance_m: (rows, columns) of the map.
             needed_m: clearance that every cell on the way must have.
-            grid: grid of the map.
         """
         (x, y), (x0, y0), cell = eye_xy_m, grid.origin_xy_m, grid.cell_m
         # Everything in cells, so that the kernel needs no grid.

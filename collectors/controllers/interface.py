@@ -114,7 +114,6 @@ class Jump:
     """A discrete action executed at once, without physics.
 
     Attributes:
-        action: the action.
         pose: pose afterwards.
     """
 

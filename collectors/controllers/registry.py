@@ -17,8 +17,6 @@ class ControllerEntry:
     """Registry entry of a controller.
 
     Attributes:
-        title: short description.
-        config: class of its configuration.
         build: creates one for an episode.
         teleports: places the robot, without physics.
         coasts: stops the robot while it is moving, and needs its stopping distance.

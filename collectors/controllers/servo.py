@@ -83,11 +83,9 @@ def braking(track: Track, pose: Pose, soon: Pose, config: ServoConfig) -> float 
     """Return the speed [m/s] or turn rate [rad/s] allowed if the robot must be slow at the end.
 
     Args:
-        track: what is being done.
         pose: where the robot is.
         soon: where it will be after its reaction time, at the speed it has. Only steps need it: a
             body that swings on after a turn is straightened by the next step.
-        config: how to brake.
 
     Returns:
         None while that is no less than cruising, and for STOP.

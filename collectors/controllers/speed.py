@@ -40,7 +40,6 @@ class SpeedConfig:
             where it will then be, turned as far as commanded (`Coasting.turn_lag_s`), or it would
             correct every turn by the opposite one. It stops by where the robot will come to rest
             (`Coasting.distance`, `lag_s`).
-        expert: how actions are chosen.
     """
 
     linear_m_s: float = 1.0

@@ -35,7 +35,6 @@ class GateResult:
     """A gate and what was measured.
 
     Attributes:
-        gate: the requirement.
         measured: None when the table does not hold it.
     """
 

@@ -27,7 +27,6 @@ class Conditions:
     """What a trial is run in; arrays hold one value per robot.
 
     Attributes:
-        terrain: the ground.
         friction: of the feet, or None for the robot's own.
         latency_substeps: physics steps by which every action comes late.
         push_m_s, push_every_s: kicks of the base in random directions; none where 0.

@@ -1,7 +1,5 @@
 """Settings of level physics."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from ...formats.core.episode import Episode
@@ -29,6 +27,6 @@ class LevelModelConfig:
     free_height_m: float = FULL_HEIGHT_M
     headroom_m: float = 0.15
 
-    def for_episode(self, episode: Episode) -> LevelModelConfig:
+    def for_episode(self, episode: Episode) -> "LevelModelConfig":
         """Return this with the free height that the episode's path was planned for."""
         return replace(self, free_height_m=episode.free_height_m)

@@ -23,8 +23,6 @@ def add_floor(
     """Add the floor to a scene, as a geom of a body of its own.
 
     Args:
-        scene: to add to.
-        surface: the floor.
         walked: heights of the cells a robot can walk on [m], see `walked_heights`.
         config: how flat is flat, how coarse a height field may be, how deep the void is.
 

@@ -15,11 +15,7 @@ SKIRT_M = 0.3
 
 @dataclass(frozen=True)
 class FloorSurface:
-    """Heights of a floor, extended by `SKIRT_M` around the covered cells.
-
-    Attributes:
-        floor: the level's floor record.
-    """
+    """Heights of a floor, extended by `SKIRT_M` around the covered cells."""
 
     floor: Floor
 

@@ -22,7 +22,6 @@ def robot_obstacles(
     """Return the boxes of a level within a robot's reach.
 
     Args:
-        obstacles: the level's boxes.
         freemap: the level's planning map: from where a robot could reach out.
         reach_m: how far any part of the robot can be from its base, horizontally.
         top_m: world height above which the robot has no part [m]; boxes are cut there.

@@ -15,12 +15,7 @@ from .scene_tracer import SceneTracer
 
 
 class Renderer(ABC):
-    """Renders one scene under one light from any camera pose; built once and reused.
-
-    Attributes:
-        name: registry name of the renderer.
-        light: registry name of the light.
-    """
+    """Renders one scene under one light from any camera pose; built once and reused."""
 
     name: ClassVar[str]
 
@@ -48,7 +43,6 @@ class Renderer(ABC):
         """Render one frame.
 
         Args:
-            camera: intrinsics.
             position_world_m: (3,) optical centre [m].
             quat_wxyz: (4,) rotation of the optical frame (x right, y down, z forward) to world.
             robot: body to render, or None.

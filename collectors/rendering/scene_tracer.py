@@ -55,12 +55,6 @@ class SceneTracer:
     def __init__(self, bundle: SceneBundle, light: str, mesh: VisualMesh, materials: MaterialTable):
         """Build the ray structure and compute the light.
 
-        Args:
-            bundle: the scene.
-            light: name of the light.
-            mesh: triangles of the scene.
-            materials: their materials and textures.
-
         Raises:
             UnknownNameError: no such light; the message lists the valid names.
         """
@@ -99,8 +93,6 @@ class SceneTracer:
         Args:
             directions: (N, 3), world, of unit length along the optical axis.
             order: (P · lanes,) rays of each packet, −1 = an idle lane.
-            request: the frame.
-            lighting: its light.
             footprint_px: side of each ray's footprint in the image [px].
         """
         count = len(directions)
@@ -137,8 +129,6 @@ class SceneTracer:
         Args:
             rgb: (N, 3) the image.
             hits: of the pixels' centres, nothing at depth 0.
-            request: the frame.
-            lighting: its light.
             skip: (N,) pixels to leave as they are.
             overlay: called with the pixels (K,), the directions (3 K, 3) and hits of their rays, to
                 put what is not part of the scene in front of it.

@@ -1,7 +1,5 @@
 """Addresses of a robot's state in a compiled model, alone or attached under any prefix."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco
@@ -17,12 +15,10 @@ class RobotHandles:
     """Addresses of one robot in a model's arrays.
 
     Attributes:
-        robot: facts of the robot.
         prefix: prefix that the scene put before every name of the robot.
         root_qpos, root_dof: first index of the floating base in qpos and qvel.
         joint_qpos, joint_dof: (J,) indices of the actuated joints in qpos and qvel.
         actuators: (J,) indices of their servos in ctrl and actuator_force.
-        root_body: id of the base body.
         bodies: ids of all bodies of the robot.
         sole_geoms: (F, S) ids of each foot's spheres (for a wheel, its tyre).
         sole_radius_m: (F, S) distance from each centre to its lowest point when upright [m].
@@ -48,7 +44,7 @@ class RobotHandles:
     camera: int
 
     @classmethod
-    def find(cls, robot: RobotSpec, model: mujoco.MjModel) -> RobotHandles:
+    def find(cls, robot: RobotSpec, model: mujoco.MjModel) -> "RobotHandles":
         """Find `robot` in `model` by its names, under any prefix it was attached with.
 
         Raises:

@@ -32,7 +32,6 @@ class Link:
     """One body that hangs on its parent by one hinge.
 
     Attributes:
-        name: name of the body.
         parent: name of the parent body.
         axis: axis of the hinge: x, y or z of the body's frame.
         mass_kg: mass [kg].
@@ -105,7 +104,6 @@ class Humanoid:
         frictionloss_nm: dry friction of each joint [Nm].
         trunk: function that adds the collision shapes of pelvis, torso and head.
         limbs: collision capsules of arms and legs.
-        soles: contacts of the feet.
         dress: function that adds the visual shapes to the bodies.
     """
 

@@ -39,11 +39,8 @@ class CameraMount:
     """A camera fixed to a body of the robot.
 
     Attributes:
-        name: name of the camera in the model.
-        body: name of the body that carries it.
         position_body_m: (x, y, z) of the optical centre in that body's frame [m].
         pitch_down_deg: downward tilt of the optical axis [deg].
-        model: intrinsics.
     """
 
     name: str

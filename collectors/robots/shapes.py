@@ -64,7 +64,6 @@ def add_visual(
     """Add a massless geom that is drawn but does not collide.
 
     Args:
-        body: body that carries the geom.
         shape: key of `SHAPES`.
         size: MuJoCo half sizes [m]; for capsule and cylinder with `ends` only the radius.
         color: linear RGB in 0…1.

@@ -1,7 +1,5 @@
 """A robot as one frozen record, and the physics options that every model with a robot shares."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -39,7 +37,6 @@ class RobotSpec:
     """Facts of one robot, and the function that builds its model.
 
     Attributes:
-        name: registry name.
         title: name for people, e.g. in the report.
         mass_kg: total mass [kg].
         link_mass_kg: mass of each body [kg] by body name.
@@ -53,9 +50,6 @@ class RobotSpec:
         spawn_height_m: height of the base frame above the floor at which the default pose just
             touches it.
         footprint_radius_m: radius of the disc around the base that planners keep free.
-        camera: the ego camera.
-        fall: thresholds beyond which it counts as fallen.
-        command_limits: velocities that controllers may command.
         sources: where the facts come from, one line each.
         build: function that returns a new `MjSpec` of the robot alone.
         drive: the wheels of a robot on wheels; None for one that walks.
@@ -80,7 +74,7 @@ class RobotSpec:
     fall: FallThresholds
     command_limits: CommandLimits
     sources: tuple[str, ...]
-    build: Callable[[RobotSpec], mujoco.MjSpec] = field(repr=False)
+    build: "Callable[[RobotSpec], mujoco.MjSpec]" = field(repr=False)
     drive: WheelDrive | None = None
     folder: Path | None = None
     content_sha256: str = ""

@@ -39,7 +39,6 @@ class TextModel:
     """A model that answers one prompt in words.
 
     Attributes:
-        settings: how the model is reached.
         prompt_name: file of `PROMPTS`.
         budget: counts what is used, and refuses more than the limits; None = no limits.
         backend: sends one request; the OpenAI SDK when None.

@@ -110,8 +110,6 @@ def choose_target(
     seen around it fits the next sub-goal.
 
     Args:
-        goals: sub-goals of the instruction.
-        seen: the map.
         routes: ways from where the robot stands.
         pose: (3,) x, y [m], yaw [rad] of the robot.
         exhausted: points (2,) of frontiers that showed nothing new.

@@ -72,7 +72,6 @@ class ModelLabeller:
         """Get ready; nothing is sent yet.
 
         Args:
-            settings: how the model is reached, and how much of it may be used.
             cache: folder of its answers, and of the count of what was used.
             backend: sends one request; by default the OpenAI SDK.
             sleep: waits [s].

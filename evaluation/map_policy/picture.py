@@ -21,10 +21,8 @@ def draw_map(
     its start green, the target red.
 
     Args:
-        seen: the map.
         track_m: (T, 2) where the robot has been [m].
         target_m: (2,) where it is going [m].
-        pixels_per_cell: size of a cell.
     """
     rows, columns = seen.window()
     image = np.empty((*seen.grid.shape, 3), np.uint8)

@@ -36,7 +36,6 @@ class MapPolicy:
 
     Attributes:
         said: what was decided, for the record.
-        seen: the map.
         target: where it is going.
     """
 

@@ -1,7 +1,5 @@
 """Cheapest ways over the map seen so far, and the next step along one."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -39,7 +37,7 @@ class Routes:
     seen: SeenMap
 
     @classmethod
-    def spread(cls, seen: SeenMap, xy_m: Array, radius_m: float) -> Routes:
+    def spread(cls, seen: SeenMap, xy_m: Array, radius_m: float) -> "Routes":
         """Find the ways from a point (2,) [m] for a disc of `radius_m`.
 
         Dijkstra's search, which is A* to all cells at once. Cells closer to an obstacle than the

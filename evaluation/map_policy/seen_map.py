@@ -59,7 +59,6 @@ class SeenThing:
     """A thing seen so far.
 
     Attributes:
-        noun: what it is called.
         low_m, high_m: (3,) bounds in the start frame [m].
         points: number of points.
         sights: number of images with it.
@@ -134,9 +133,7 @@ class SeenMap:
 
         Args:
             depth_m: (H, W) planar z [m], 0 = nothing.
-            lens: the camera.
             base_xy_m: (2,) where the robot stands [m].
-            detections: things in the image.
         """
         points = _points(depth_m, lens)
         z = points[..., 2]

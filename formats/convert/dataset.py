@@ -44,10 +44,8 @@ class Dataset:
     """An opened dataset.
 
     Attributes:
-        root: its folder.
         info: meta/info.json.
         episodes: their numbers, in order.
-        facts: of the whole.
     """
 
     root: Path

@@ -1,7 +1,5 @@
 """What belongs to a LeRobot dataset as a whole, and to no episode: title, licence, provenance."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -20,7 +18,6 @@ class DatasetFacts:
     """What belongs to a dataset as a whole, and to no episode.
 
     Attributes:
-        title, licence: of the card.
         provenance: meta/provenance.json.
         limits: when new files begin.
         depth_storage: one of LeRobot's `DEPTH_STORAGES`.
@@ -37,7 +34,7 @@ class DatasetFacts:
         return asdict(self)
 
     @staticmethod
-    def from_json(values: dict[str, Any]) -> DatasetFacts:
+    def from_json(values: dict[str, Any]) -> "DatasetFacts":
         """Return the inverse of `to_json`.
 
         Raises:

@@ -41,8 +41,6 @@ def write_unit_mcap(path: Path, folder: Path, dataset: Mapping[str, Any] | None 
     """Write a unit's episode atomically.
 
     Args:
-        path: output.
-        folder: the unit's.
         dataset: facts of the dataset it belongs to (JSON values).
 
     Raises:
@@ -97,9 +95,7 @@ def extract_unit_mcap(contents: Contents, path: Path, folder: Path) -> None:
     """Write the unit that `write_unit_mcap` took, exactly; colour packets are copied.
 
     Args:
-        contents: of the file.
         path: of the file, for errors.
-        folder: for the unit.
 
     Raises:
         FileFormatError: records, topics or messages are missing or damaged.

@@ -16,7 +16,6 @@ class CameraModel:
 
     Attributes:
         name: view name; together with resolution and light it names the output folder.
-        width_px, height_px: image size.
         hfov_deg: horizontal field of view [deg].
     """
 

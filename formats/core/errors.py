@@ -36,7 +36,6 @@ class FileFormatError(InputError):
     """A file is damaged or is not in the expected format.
 
     Attributes:
-        path: The offending file.
         reason: One line, without the file name.
     """
 

@@ -11,7 +11,6 @@ def image_file(image: Image.Image, kind: str, **options: Any) -> bytes:
     """Return an image as the bytes of a file.
 
     Args:
-        image: The image.
         kind: Pillow's name of the format, such as "PNG".
         options: As of Pillow's `Image.save`.
     """

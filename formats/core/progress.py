@@ -30,11 +30,9 @@ def progress_bar(
 
     Args:
         name: what is being done.
-        total: how many items there are.
         items: to iterate over; without them, `update` is called by hand.
         initial: how many items are done already.
         note: follows the counts; `set_postfix_str` changes it.
-        show: false shows nothing.
     """
     terminal = sys.stderr.isatty()
     how: dict[str, Any] = {"mininterval": 0, "miniters": 1}

@@ -86,7 +86,6 @@ class Rollout:
     T samples at `STATE_RATE_HZ`; sample 0 is the first after settling.
 
     Attributes:
-        episode: what was asked.
         robot, controller: registry names.
         time_s: (T,) [s].
         position_world_m: (T, 3) base position [m].
@@ -102,8 +101,6 @@ class Rollout:
         floor_z_m: (T,) height of the floor under the base [m].
         actions: executed discrete actions; empty when the controller knows none.
         events: in time order.
-        end_reason: why it ended.
-        metrics: of the whole rollout.
         facts: robot, physics and controller facts worth keeping with the data (JSON values).
         labels: where the controller knows no discrete actions, the one that VLN-CE's expert would
             take toward the reference path at every 25th sample (`DISCRETE_RATE_HZ`).

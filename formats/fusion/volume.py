@@ -1,7 +1,5 @@
 """Fuse depth images into a truncated signed distance volume (Curless and Levoy, 1996)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +31,7 @@ class DistanceVolume:
     @staticmethod
     def empty(
         lower_m: NDArray[np.float64], upper_m: NDArray[np.float64], voxel_m: float
-    ) -> DistanceVolume:
+    ) -> "DistanceVolume":
         """Return an empty volume that covers a box."""
         shape = tuple(np.ceil((upper_m - lower_m) / voxel_m).astype(int) + 1)
         return DistanceVolume(
@@ -55,7 +53,6 @@ class DistanceVolume:
 
         Args:
             depth_m: (H, W) along the optical axis [m], 0 = nothing seen.
-            focal_px: focal length.
             position_m: (3,) optical centre, as estimated.
             rotation: (3, 3) camera (x right, y down, z forward) to world.
         """

@@ -35,8 +35,6 @@ def read_tasks(folder: Path, number: int, row_tasks: NDArray[Any] | None) -> Epi
     """Return the instructions of an episode, by the loaders' rule, and how it finished.
 
     Args:
-        folder: the scene's.
-        number: of the episode.
         row_tasks: the rows' `task_index` (T,), if there are any.
 
     Raises:

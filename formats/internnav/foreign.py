@@ -62,9 +62,7 @@ class Assumptions:
 
     Attributes:
         robot: whose data it is; None: as info.json or the scan's folder says.
-        hfov_deg: horizontal field of view of the camera.
         base_height_m: of the base over the floor; None: known for VLN-PE's robots.
-        split: of the episodes.
         rgb_codec: for the colour video.
         frames_per_second: rows per second.
     """

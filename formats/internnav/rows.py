@@ -72,11 +72,9 @@ def row_columns(
 
     Args:
         unit: As `chosen_rows` returned it.
-        rows: Its columns.
         number: Index of the episode in its scene.
         frames: Number of rows of the episodes before it.
         task: Index of its first task.
-        depth: Its depth video.
     """
     rollout, view = frame_rollout(unit, rows), frame_view(unit, rows, depth)
     camera = quat_multiply(view.arrays["camera_quat_wxyz"], _BODY_IN_OPTICAL)

@@ -30,7 +30,6 @@ class SceneEpisode:
     """A unit and the instructions under which it is to be trained.
 
     Attributes:
-        folder: the unit's.
         tasks: at least one; the first is the one that the robot followed.
     """
 
@@ -70,7 +69,6 @@ def write_scene(
     Args:
         out: `<root>/<scan>/<scene>`.
         episodes: of one robot, camera and frame rate.
-        vocabulary: for the instructions' tokens.
         dataset: facts of the dataset they come from (JSON values).
         every_frame: one row per frame, with `action.discrete`, instead of one per discrete step
             (see `formats.rendered.discrete_steps`).

@@ -72,8 +72,6 @@ def assemble_dataset(
             `scenes` (name → its source's facts) gives the card its licences, and training
             episodes in `held_out_scenes` are published as validation.
         licence: Licence identifier for the card of scenes without one.
-        title: of the card.
-        limits: when to begin new files.
 
     Raises:
         ValueError: no unit.

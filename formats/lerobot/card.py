@@ -1,7 +1,5 @@
 """The dataset card, README.md, with the metadata that the Hugging Face hub reads."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,7 +40,6 @@ class CameraFacts:
     """The view that a dataset's images show.
 
     Attributes:
-        camera: size and field of view.
         height_m: (lowest, median, highest) above the floor at the episode's start.
         pitch_down_deg: (lowest, median, highest).
     """
@@ -52,7 +49,7 @@ class CameraFacts:
     pitch_down_deg: tuple[float, float, float]
 
     @staticmethod
-    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> CameraFacts:
+    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> "CameraFacts":
         """Return the facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
         forward_z = quat_to_matrix(camera_pose[:, 3:].astype(np.float64))[:, 2, 2]
         pitch = np.rad2deg(np.arcsin(np.clip(-forward_z, -1.0, 1.0)))
@@ -64,12 +61,10 @@ class CardFacts:
     """Facts of a card beyond info.json.
 
     Attributes:
-        title: of the card.
         licence: identifier; the scenes' own ones, where the provenance knows them, go before it.
         splits: episodes of each published split.
         split_scenes: scenes of each published split.
         depth_far_m: readings beyond are 0.
-        camera: the view.
         provenance: meta/provenance.json.
         instructions: distinct instructions of all episodes; an episode may have several, of which
             one is its task.

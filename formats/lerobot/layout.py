@@ -1,7 +1,5 @@
 """The LeRobot v3.0 layout: names of files, limits, and the schema of the frame rows."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any
@@ -49,7 +47,7 @@ class FilePlace:
     chunk_index: int = 0
     file_index: int = 0
 
-    def next(self, limits: FileLimits) -> FilePlace:
+    def next(self, limits: FileLimits) -> "FilePlace":
         """Return the place of the file after this one."""
         if self.file_index + 1 == limits.files_per_chunk:
             return FilePlace(self.chunk_index + 1, 0)

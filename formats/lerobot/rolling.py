@@ -17,8 +17,6 @@ class RollingParquet:
     """Write tables, one row group each, into `chunk-…/file-….parquet` of limited size.
 
     Args:
-        root: dataset folder.
-        template: path template.
         limits: when a file is full.
     """
 

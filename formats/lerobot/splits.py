@@ -32,7 +32,6 @@ def published_split(split: str, scene: str, held_out: Collection[str]) -> str:
 
     Args:
         split: of the episode's source; only `train` is divided, others (`val_unseen`, …) stay.
-        scene: its scene.
         held_out: scenes that validate.
     """
     return VALIDATION if split == TRAIN and scene in held_out else split

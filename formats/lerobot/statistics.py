@@ -97,7 +97,6 @@ def picture_statistics(
     Args:
         rgb_counts: (3, 256).
         depth_counts: (4096,) of depth codes.
-        depth_range: of the codes.
         length: number of frames.
         millimetres: whether depth is stored as images of millimetres, not as a video of codes.
     """

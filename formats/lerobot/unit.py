@@ -98,7 +98,6 @@ def write_episode_unit(
 
     Args:
         folder: Folder of the unit; replaced as a whole.
-        rollout: What the robot did.
         frames: The rendered view. Its videos are linked, or copied where that is impossible. If
             its arrays have `rgb_counts` (3, 256) and `depth_counts` (4096,), the videos need not be
             decoded for their statistics.

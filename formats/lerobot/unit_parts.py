@@ -1,7 +1,5 @@
 """The parts of an episode unit, and how they are written; see `unit`."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -44,11 +42,10 @@ class UnitParts:
     columns: dict[str, Any]
 
     @staticmethod
-    def from_json(index: Mapping[str, Any], path: Path) -> UnitParts:
+    def from_json(index: Mapping[str, Any], path: Path) -> "UnitParts":
         """Return the inverse of `to_json`.
 
         Args:
-            index: JSON values.
             path: file that they come from, for errors.
 
         Raises:
@@ -88,7 +85,6 @@ def write_unit(folder: Path, make: Callable[[Path], tuple[UnitParts, pa.Table]])
     """Write a unit, replaced as a whole.
 
     Args:
-        folder: the unit's.
         make: puts `<key>.mp4` of each video feature into the folder it is given, and returns the
             unit's index and its rows (of `unit_schema`).
     """

@@ -43,8 +43,6 @@ def camera_messages(
 
     Args:
         recording: where to.
-        rollout: physics truth.
-        view: the rendered frames.
         depth_codes: (H, W) of each frame, if they are known; else the video is decoded.
     """
     context = recording.context

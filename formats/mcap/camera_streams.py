@@ -25,11 +25,9 @@ def extract_videos(
     """Write the colour and the depth video that `facts` (meta.json) names into `folder`.
 
     Args:
-        contents: of the file.
         path: of the file, for errors.
         folder: where the videos go.
         facts: of the view.
-        count: number of frames there must be.
 
     Raises:
         FileFormatError: topics or frames are missing, or a picture is damaged.

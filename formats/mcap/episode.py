@@ -49,7 +49,6 @@ class ExtractedEpisode:
 
     Attributes:
         rollout: physics truth, exact.
-        frames: the folder of rendered frames that was written.
         shown: the scene's map and the robot's body, as far as they are in the file.
         dataset: facts of the dataset that the file came from, or None.
     """
@@ -72,8 +71,6 @@ def write_episode_mcap(
     """Write the episode atomically; all times are simulation times.
 
     Args:
-        path: output.
-        rollout: physics truth.
         frames: folder that the render stage wrote for this rollout.
         shown: the scene's map and the robot's body (`map_topic`, `robot_topics`).
         dataset: facts of the dataset the episode belongs to (JSON values), when there is one.
@@ -179,7 +176,6 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
     The colour video gets the very packets it had; depth is encoded again, without loss.
 
     Args:
-        contents: of the file.
         path: the file, for errors.
         folder: for the frames; replaced as a whole.
 

@@ -54,7 +54,6 @@ class RobotLinks:
 
     Attributes:
         names: of the L links.
-        shapes: of each link.
         time_s: (N,).
         position_base_m, quat_wxyz: (N, L, 3), (N, L, 4) of each link in the base frame.
     """

@@ -58,7 +58,6 @@ def action_messages(
 
     Args:
         recording: where to.
-        rollout: physics truth.
         labels: `action.discrete` by the frame's time [s].
     """
     last = len(rollout.time_s) - 1

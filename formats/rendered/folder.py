@@ -28,12 +28,7 @@ class FrameFolder:
     """An opened folder of rendered frames.
 
     Attributes:
-        rgb_video, depth_video: paths.
         arrays: those of frames.npz.
-        camera: the view's intrinsics.
-        depth_range: of the depth video.
-        frames_per_second: of both videos.
-        light: lighting name.
         rgb_codec: key of `video.RGB_CODECS`.
         facts: all of meta.json.
     """

@@ -10,8 +10,6 @@ one cell the cheapest is kept, with its exact pose, as in hybrid A* (Dolgov et a
 Search Techniques in Path Planning for Autonomous Driving", 2008).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,7 +71,7 @@ class Walk:
     motion: NDArray[np.float64]
 
     @staticmethod
-    def of(poses: NDArray[np.float64]) -> Walk:
+    def of(poses: NDArray[np.float64]) -> "Walk":
         """Divide the walk through poses (N, 3), x, y [m] and unwrapped yaw [rad], N ≥ 1."""
         c, s = np.cos(poses[0, 2]), np.sin(poses[0, 2])
         xy = (poses[:, :2] - poses[0, :2]) @ np.array([[c, -s], [s, c]]) / FORWARD_STEP_M

@@ -4,8 +4,6 @@ Alignment: what is observed at frame t precedes `action[t]`; the last frame's ac
 zero motion.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -22,7 +20,6 @@ class FrameTable:
     """Per-frame columns of one episode.
 
     Attributes:
-        frames_per_second: frame rate.
         sample_index: (N,) the rollout's sample each frame shows.
         columns: feature name to (N, D) float32, or (N, 1) int64 for `action.discrete`:
             `observation.state` (13): position [m] in the start frame, quat_wxyz in the start
@@ -66,7 +63,7 @@ class StartFrame:
     yaw_rad: float
 
     @staticmethod
-    def of(rollout: Rollout) -> StartFrame:
+    def of(rollout: Rollout) -> "StartFrame":
         """Return the start frame of a rollout."""
         x, y, _ = rollout.position_world_m[0]
         origin = np.array([x, y, rollout.floor_z_m[0]])
@@ -87,7 +84,6 @@ def build_frame_table(
     """Sample the rollout at its rendered frames.
 
     Args:
-        rollout: physics truth.
         frames: `sample_index` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
             (N, 4, optical frame), as the render stage stores them.
         frames_per_second: frame rate; divides 100.

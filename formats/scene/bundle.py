@@ -74,7 +74,6 @@ class Floor:
     """Floor of one level as heights at the cell centres of a grid.
 
     Attributes:
-        grid: the cells.
         height_m: (rows, columns) float32 world z [m]; defined everywhere (extended outside).
         covered: (rows, columns) bool: there is floor (scanned or filled) in this cell.
     """
@@ -127,8 +126,6 @@ class SceneBundle:
     """A repaired scene; heavy arrays are loaded when asked for.
 
     Attributes:
-        root: the bundle's folder.
-        scene_id: its name.
         source: `path`, `sha256`, `licence`, evidence of up-axis and unit, and under `UNSOUND` what
             is wrong with a scene that should not be used, as JSON values.
         source_to_world: (4, 4) similarity from the source file's coordinates to world.

@@ -1,7 +1,5 @@
 """The freemap of one level: where a robot's centre may be, and how far obstacles are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -20,7 +18,6 @@ class Freemap:
     """Free space of one level.
 
     Attributes:
-        grid: the cells.
         floor_z_m: (rows, columns) float32 floor height [m]; NaN where there is no floor.
         traversable: (rows, columns) bool: floor, and nothing that a robot of up to
             `FULL_HEIGHT_M` could hit above the cell.
@@ -36,7 +33,7 @@ class Freemap:
         default_factory=lambda: np.empty((0, 0), dtype=np.float32)
     )
 
-    def for_height(self, height_m: float) -> Freemap:
+    def for_height(self, height_m: float) -> "Freemap":
         """Return the map of a robot that needs `height_m` [m] of free height.
 
         Low robots pass under tables. What only they can reach counts where it is connected with

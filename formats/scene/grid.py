@@ -1,7 +1,5 @@
 """Regular horizontal grids over a level."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,7 +46,7 @@ class GridSpec:
         return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)
 
     @staticmethod
-    def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> GridSpec:
+    def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> "GridSpec":
         """Return the grid aligned to multiples of `cell_m` that covers a box (2,), (2,) [m]."""
         lower = np.floor(np.asarray(lower_xy_m, dtype=np.float64) / cell_m)
         upper = np.ceil(np.asarray(upper_xy_m, dtype=np.float64) / cell_m)

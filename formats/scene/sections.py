@@ -19,8 +19,6 @@ def inside_solids(
     Args:
         vertices_m: (V, 3) world [m].
         faces: (F, 3), counter-clockwise seen from outside.
-        z_m: height of the plane.
-        grid: the cells.
     """
     z = vertices_m[:, 2][faces]
     # A plane through vertices would meet edges twice.

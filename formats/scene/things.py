@@ -1,4 +1,4 @@
-"""Object labels: which name an object, and which a person would use as a landmark."""
+"""Which object labels name an object."""
 
 # Last words of labels of what is certainly not floor. Any other word (`apartment`, `ground truth`)
 # may be the name of a node that holds the floor too.
@@ -21,30 +21,3 @@ tub tv utensils vase vent wall wallpaper walls wardrobe washbasin washer whitebo
 windows windowsill
 """
 THINGS = frozenset(_THINGS.split())
-# Those of them that are parts of the building, which a walker would not look for.
-_STRUCTURE_WORDS = """
-beam ceiling column frame lintel partition pillar rail railing roof trim wall wallpaper walls window
-windows windowsill
-"""
-STRUCTURE = frozenset(_STRUCTURE_WORDS.split())
-# What people steer by although it may be a place to walk on, or is rarely scanned.
-_MORE_WORDS = """
-altar aquarium blackboard bunk chalkboard cot easel elevator elevators escalator firewood fountain
-gurney hammock hydrant jukebox lectern lift mailbox piano podium punchbag refrigerators sewing
-statues storage stretcher tent throne trampoline trolley wheelchair workbench
-"""
-_MORE = frozenset(_MORE_WORDS.split())
-# Longer labels are descriptions.
-MAX_WORDS = 3
-
-
-def nameable(category: str) -> bool:
-    """Return whether a label names an object, so that an instruction may use it.
-
-    Labels often are raw names of nodes (`wall standard case`, `nursesstation`, `chunk b`); only
-    those that end in a known thing, which is no part of the building, are taken.
-    """
-    words = category.lower().replace("_", " ").split()
-    if not words or len(words) > MAX_WORDS or not all(word.isalpha() for word in words):
-        return False
-    return words[-1] in (THINGS | _MORE) - STRUCTURE

@@ -20,8 +20,6 @@ class SightCamera:
     """The camera of a visibility record.
 
     Attributes:
-        robot: whose it is.
-        width_px, height_px: image size.
         hfov_deg: horizontal field of view [deg].
         height_m: of the optical centre above the floor [m].
         pitch_down_deg: tilt of the optical axis below the horizon [deg].
@@ -62,7 +60,6 @@ class PathSight:
 
     Attributes:
         looks_m: distances along the path at which the camera looked [m].
-        glimpses: what it saw.
     """
 
     looks_m: tuple[float, ...]
@@ -74,7 +71,6 @@ class Visibility:
     """Objects seen along the paths of one scene.
 
     Attributes:
-        camera: which looked.
         paths: by trajectory id.
         seconds: processor time it took [s], the renderer's start included.
     """

@@ -24,7 +24,6 @@ class PlyElement:
         count: number of rows.
         row: type of a row; None if it holds lists, whose length varies.
         offset: first byte; −1 if it follows rows of varying length.
-        properties: their names.
     """
 
     name: str

@@ -1,7 +1,5 @@
 """Gaussian splats as they are read: one record for all file formats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -58,7 +56,7 @@ class GaussianCloud:
         """Return the degree of the harmonics, 0–3."""
         return round(self.harmonics.shape[1] ** 0.5) - 1
 
-    def take(self, index: ArrayLike) -> GaussianCloud:
+    def take(self, index: ArrayLike) -> "GaussianCloud":
         """Return the Gaussians that `index` selects, by mask or by number."""
         rows = np.asarray(index)
         return replace(
@@ -70,7 +68,7 @@ class GaussianCloud:
             harmonics=self.harmonics[rows],
         )
 
-    def transformed(self, similarity: ArrayLike) -> GaussianCloud:
+    def transformed(self, similarity: ArrayLike) -> "GaussianCloud":
         """Return the cloud moved by a (4, 4) similarity, its harmonics rotated with it."""
         matrix = np.asarray(similarity, dtype=np.float64)
         factor = float(np.cbrt(np.linalg.det(matrix[:3, :3])))

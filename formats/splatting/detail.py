@@ -46,7 +46,6 @@ def merged(level: Level, *, antialiased: bool) -> Level:
     """Return the next coarser level; chunks keep their numbers.
 
     Args:
-        level: what to merge.
         antialiased: whether a Gaussian's opacity is lowered by what a pixel's blur adds to its
             area. What many small ones then cover adds up, so that the opacity of one that stands
             for them may exceed 1 before it is lowered.

@@ -5,8 +5,6 @@ to come is sorted and blended; the rest waits. As soon as all pixels of a tile a
 behind it are not even projected: the picture is that of a full sort at a fraction of its cost.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,7 +44,6 @@ class Eye:
     """Where an image is taken from.
 
     Attributes:
-        camera: intrinsics.
         position_world_m: (3,) optical centre.
         rotation_world: (3, 3) optical axes as columns.
     """
@@ -70,8 +67,6 @@ def draw_splats(
     """Draw the Gaussians as seen from `eye`.
 
     Args:
-        scene: the Gaussians.
-        eye: camera and its pose.
         cover_m: (H, W) depth of an opaque body in front of the scene [m], inf = none; what lies
             behind it is left out.
         cut_above_m: if the camera is above this world z, Gaussians above it are left out.
@@ -156,7 +151,7 @@ class _State:
     depth: F32
 
     @staticmethod
-    def of(width: int, height: int, cover_m: F32 | None, with_depth: bool) -> _State:
+    def of(width: int, height: int, cover_m: F32 | None, with_depth: bool) -> "_State":
         rows, columns = -(-height // TILE), -(-width // TILE)
         down = np.minimum(height - TILE * np.arange(rows), TILE)
         across = np.minimum(width - TILE * np.arange(columns), TILE)

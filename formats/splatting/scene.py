@@ -1,7 +1,5 @@
 """Gaussians prepared for drawing: in chunks of neighbours, with bounds to cull them by."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,11 +54,10 @@ class SplatScene:
     @staticmethod
     def of(
         cloud: GaussianCloud, *, antialiased: bool | None = None, detail: bool = False
-    ) -> SplatScene:
+    ) -> "SplatScene":
         """Prepare a cloud in world coordinates.
 
         Args:
-            cloud: the Gaussians.
             antialiased: None = as the cloud was trained.
             detail: add coarser levels, which take a third of the memory more.
         """

@@ -38,7 +38,6 @@ def read_arrays(path: Path, data: bytes | None = None) -> dict[str, NDArray[Any]
 
     Args:
         path: the file; for errors alone if `data` is given.
-        data: its content.
 
     Raises:
         FileFormatError: missing, not a regular file, damaged, with objects that would need
@@ -54,7 +53,6 @@ def map_array(path: Path, *, root: Path | None = None) -> NDArray[Any]:
     """Return the array of an .npy file, which stays on disk until it is looked at.
 
     Args:
-        path: the file.
         root: the folder that it must lie in after links are followed; None: anywhere.
 
     Raises:

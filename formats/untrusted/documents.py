@@ -64,7 +64,6 @@ def parse_json(
 
     Args:
         path: its file, for errors.
-        data: its text.
         max_values: instead of `json_values` of the limits.
         max_depth: instead of `depth` of the limits.
         scanner: one that has seen all of `data`; by default it is scanned here.
@@ -95,7 +94,6 @@ def read_json(path: Path, *, root: Path | None = None) -> Any:
     """Return the value of a JSON file.
 
     Args:
-        path: the file.
         root: the folder that it must lie in after links are followed; None: anywhere.
 
     Raises:

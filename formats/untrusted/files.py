@@ -27,9 +27,7 @@ def check_input(path: Path, *, root: Path | None = None, max_bytes: int | None =
     """Return the size in bytes of a regular file.
 
     Args:
-        path: the file.
         root: the folder that it must lie in after links are followed; None: anywhere.
-        max_bytes: the most that it may have.
 
     Raises:
         FileFormatError: missing, not a regular file, a link out of `root`, or too large.

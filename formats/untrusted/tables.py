@@ -18,7 +18,6 @@ def read_schema(path: Path, *, root: Path | None = None) -> pa.Schema:
     """Return the schema of a Parquet file.
 
     Args:
-        path: the file.
         root: the folder that it must lie in after links are followed; None: anywhere.
 
     Raises:
@@ -44,7 +43,6 @@ def read_table(
     estimated first.
 
     Args:
-        path: the file.
         columns: their names; None: all.
         filters: as of `pyarrow.parquet.read_table`.
         root: the folder that it must lie in after links are followed; None: anywhere.

@@ -20,8 +20,6 @@ class VideoCodec:
         canonical: codec name that a reader sees.
         pixel_format: FFmpeg pixel format.
         crf: constant rate factor.
-        preset: the encoder's speed preset.
-        extra_options: further encoder options.
     """
 
     encoder: str

@@ -4,8 +4,6 @@ Every frame stands alone, so that any of them is one decode away, and any FFmpeg
 reads them.
 """
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
@@ -38,7 +36,7 @@ class IdVideoWriter:
         self._stream: VideoStream | None = None
         self._count = 0
 
-    def __enter__(self) -> IdVideoWriter:
+    def __enter__(self) -> "IdVideoWriter":
         """Open the file."""
         temporary = self._stack.enter_context(atomic_file(self._path))
         self._container = self._stack.enter_context(av.open(str(temporary), "w", format="mov"))

@@ -69,8 +69,6 @@ def write_rgb_video(
 
     Args:
         path: output, MP4.
-        frames: the images.
-        frames_per_second: frame rate.
         codec: key of `RGB_CODECS`, or an encoder's settings.
         counts: (3, 256); how often each value occurs in each channel is added to it, so that
             statistics need no decoding (see `image_counts`).
@@ -115,8 +113,6 @@ def write_depth_video(
     Args:
         path: output, MP4.
         frames_m: the images, each (H, W) float32 [m].
-        frames_per_second: frame rate.
-        depth_range: valid depths.
         counts: (4096,); how often each depth code occurs is added to it.
         on_codes: called with the codes (H, W) of each frame.
 
@@ -157,7 +153,6 @@ def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray
     """Decode a depth video frame by frame, each (H, W) float32 [m], 0 = invalid.
 
     Args:
-        path: the video.
         depth_range: the range it was written with.
 
     Raises:

@@ -27,7 +27,6 @@ def write_bitstream(
     """Write an MP4 of packets as `iterate_bitstream` yields them, one per frame, unchanged.
 
     Args:
-        path: output.
         packets: at least one; the first is a key frame.
         codec: `h264` or `av1`.
         frames_per_second: frame i gets the time i / frames_per_second.

@@ -51,7 +51,6 @@ def read_vlnce(
     that occurred before, goes to the file's `bad`; the others are read.
 
     Args:
-        path: the file.
         strict: raise for the first bad episode instead.
         limits: of size, nesting and number of episodes; by default those of `core.limits`.
 

@@ -31,7 +31,6 @@ class VlnceEpisode:
         scene_id: e.g. `mp3d/<id>/<id>.glb`.
         start_position_habitat_m: (3,) [m].
         start_rotation_xyzw: (4,) unit quaternion.
-        instruction_text: the instruction.
         instruction_tokens: word indices, or None.
         goals: empty in a test split.
         reference_path_habitat_m: (P, 3) [m]; (0, 3) in a test split.

@@ -1,7 +1,5 @@
 """Word-level vocabulary of instructions, in the shape of VLN-CE's `instruction_vocab`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,7 +16,7 @@ class Vocabulary:
     words: tuple[str, ...]
 
     @staticmethod
-    def of(texts: Iterable[str]) -> Vocabulary:
+    def of(texts: Iterable[str]) -> "Vocabulary":
         """Return all words of `texts`, sorted, so that equal texts give equal vocabularies."""
         found = sorted({word for text in texts for word in tokenize(text)})
         return Vocabulary((PAD, UNKNOWN, *found))

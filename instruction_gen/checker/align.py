@@ -45,7 +45,6 @@ class Contradiction:
 
     Attributes:
         clause: index of its clause.
-        reason: in words.
         strength: 1 = no reading of the clause holds; less where the words are vague or the facts
             are within what a person may overlook.
     """

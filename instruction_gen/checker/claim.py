@@ -219,8 +219,6 @@ def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None
     """Return why a phrase with a noun that no landmark has is false, None if it claims nothing.
 
     Args:
-        noun: the phrase.
-        ground: of the path.
         needed: nothing else says where this is, so it has to be understood.
     """
     head = noun.text.split()[-1]

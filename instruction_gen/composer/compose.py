@@ -18,7 +18,6 @@ class Composed:
     """A text of the composer.
 
     Attributes:
-        text: the instruction.
         style: one of `STYLES`.
         skeletons: its sentences, with slots for rooms, things, sides and numbers.
         landmarks: names of the things it speaks of, in order.
@@ -42,10 +41,7 @@ def compose_texts(
     """Write `count` different texts in turn in the given styles.
 
     Args:
-        ground: the path's facts.
-        count: how many.
         styles: of `STYLES`.
-        rng: Chooses what to mention, and the wording.
         taken: texts that other paths have already.
 
     Returns:

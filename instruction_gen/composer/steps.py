@@ -35,7 +35,6 @@ class Step:
         room: entered or followed; "" = unknown.
         from_room: left.
         doorway: through a doorway.
-        mark: the thing named.
         other: a second thing (`between`).
         far_m: how far to walk [m].
         place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `outside`, `past`,

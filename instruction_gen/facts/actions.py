@@ -1,4 +1,4 @@
-"""A reference path as the sequence of things one does along it: turns and room changes."""
+"""The turns along a reference path."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,11 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.episode import Episode
 from ...formats.core.frames import wrap_angle
-from ...formats.core.geometry import path_length
-from ...wayfinding.crossings import DOORWAY_M, crossings
-from ...wayfinding.regions import RegionMap
 
 # A path is straight as far as it stays this close to a line; corners nearer than a bend's length
 # to each other, the same way round, are one bend.
@@ -40,59 +36,6 @@ class Turn:
         return "left" if self.angle_rad > 0 else "right"
 
 
-@dataclass(frozen=True)
-class RoomChange:
-    """A step from one room into the next.
-
-    Attributes:
-        along_m: distance along the path [m].
-        from_room: name of the room left, "" when unknown.
-        to_room: name of the room entered, "" when unknown.
-        doorway: through a doorway rather than a wide opening.
-    """
-
-    along_m: float
-    from_room: str
-    to_room: str
-    doorway: bool
-
-
-@dataclass(frozen=True)
-class Route:
-    """What happens along a path.
-
-    Attributes:
-        path_xy_m: (P, 2) the path [m].
-        length_m: of the path [m].
-        turns: in order; the first may be a turn on the spot at the start.
-        changes: room changes, in order.
-        goal_room: name of the room of the goal, "" when unknown.
-    """
-
-    path_xy_m: NDArray[np.float64]
-    length_m: float
-    turns: tuple[Turn, ...]
-    changes: tuple[RoomChange, ...]
-    goal_room: str
-
-
-def route_of(episode: Episode, regions: RegionMap) -> Route:
-    """Analyse an episode's reference path."""
-    path = episode.reference_path_world_m[:, :2]
-    changes = tuple(
-        RoomChange(
-            c.along_m,
-            regions.names[c.from_region],
-            regions.names[c.to_region],
-            c.width_m <= DOORWAY_M,
-        )
-        for c in crossings(regions, path)
-    )
-    goal_room = changes[-1].to_room if changes else regions.name_at(path[-1])
-    turns = find_turns(path, episode.start_yaw_rad)
-    return Route(path, path_length(path), turns, changes, goal_room)
-
-
 def find_turns(
     path_xy_m: NDArray[np.float64],
     start_yaw_rad: float | None,
@@ -101,7 +44,6 @@ def find_turns(
     """Find the turns along a path (P, 2) [m], by its simplified shape.
 
     Args:
-        path_xy_m: the path.
         start_yaw_rad: heading at the start; a path that sets off in another direction begins
             with a turn. None means that it looks along the path.
         min_turn_rad: smaller changes of heading are no turns.

@@ -60,7 +60,6 @@ def landmarks_of(
     """Return the things near a path, in the order of passing.
 
     Args:
-        shared: of its level.
         track: the path, sampled.
         sight: what the camera saw along it; None = walls alone decide.
     """

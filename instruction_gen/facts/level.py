@@ -1,7 +1,5 @@
 """What all paths of a level share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +37,7 @@ class LevelFacts:
     unnamed: dict[str, int]
 
     @staticmethod
-    def of(bundle: SceneBundle, level: int, regions: RegionMap | None = None) -> LevelFacts:
+    def of(bundle: SceneBundle, level: int, regions: RegionMap | None = None) -> "LevelFacts":
         """Read a level."""
         regions = regions or region_map(bundle, level)
         things: list[LabeledObject] = []

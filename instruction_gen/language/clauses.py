@@ -80,9 +80,6 @@ class Parse:
     """A text, read.
 
     Attributes:
-        text: the text.
-        clauses: in order.
-        words: how many words it has.
         unparsed: words that fit nowhere in the grammar.
     """
 

@@ -57,7 +57,6 @@ def answer_schema(form: type[BaseModel] = Answer, texts: int = 0) -> dict[str, A
     """Return JSON Schema of a form, as servers with structured output take it.
 
     Args:
-        form: of the answer.
         texts: how many instructions are wanted, where it is an `Answer`; 0 = any number. A small
             model writes the same one over and over until the schema stops it.
     """

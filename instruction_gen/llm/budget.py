@@ -1,7 +1,5 @@
 """Usage of a language model, counted over all processes that share a cache folder."""
 
-from __future__ import annotations
-
 import contextlib
 import fcntl
 import json
@@ -28,7 +26,7 @@ class Usage:
     tokens_out: int = 0
     cost: float = 0.0
 
-    def __add__(self, other: Usage) -> Usage:
+    def __add__(self, other: "Usage") -> "Usage":
         return Usage(
             self.requests + other.requests,
             self.tokens_in + other.tokens_in,

@@ -32,12 +32,7 @@ class ModelDownError(ModelError):
 
 @dataclass(frozen=True)
 class Reply:
-    """What a backend returns.
-
-    Attributes:
-        content: the model's text.
-        usage: tokens and cost.
-    """
+    """What a backend returns."""
 
     content: str
     usage: Usage
@@ -75,7 +70,6 @@ class Client:
         """Get ready; nothing is sent yet.
 
         Args:
-            settings: how.
             cache: folder of answers and of the usage count.
             backend: sends one request; by default the OpenAI SDK.
             sleep: waits [s].
@@ -96,7 +90,6 @@ class Client:
         """Return the answer to some messages, from the cache if it is there.
 
         Args:
-            messages: the request.
             form: what the answer must be; the backend asks for it.
 
         Raises:
@@ -197,7 +190,6 @@ def openai_backend(
     """Return requests through the OpenAI SDK; it reads the key from the environment and keeps it.
 
     Args:
-        settings: how the model is reached.
         structured: ask for JSON, if the server can; else for text.
         form: of the JSON.
         texts: how many instructions are wanted at most, 0 = any number.

@@ -16,7 +16,6 @@ def local_backend(settings: LlmSettings, texts: int) -> Backend:
     """Return a backend that runs a model in this process.
 
     Args:
-        settings: which model.
         texts: how many instructions are wanted at most.
 
     Raises:

@@ -21,7 +21,6 @@ class LlmSettings:
     Attributes:
         base_url: of an OpenAI-compatible server; "" for a local model.
         model: its name, or the path of a GGUF file.
-        temperature: of the sampling.
         workers: requests at a time.
         timeout_s: of one request [s].
         attempts: tries of one request before it counts as failed.

@@ -47,9 +47,7 @@ class View:
     """A frame to look at.
 
     Attributes:
-        png: the picture.
         points_m: (H, W, 3) where each pixel's surface is in the world [m]; NaN = unknown.
-        level: of the scene.
     """
 
     png: bytes

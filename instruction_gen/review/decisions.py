@@ -19,7 +19,6 @@ class Decision:
     """What one annotator decided about one text.
 
     Attributes:
-        annotator: a name.
         path: trajectory id.
         number: of the text among the path's texts.
         action: one of `ACTIONS`; `undo` takes back the annotator's last decision on this text.

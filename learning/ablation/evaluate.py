@@ -1,7 +1,5 @@
 """Scores on held-out episodes, of agents and of baselines without training."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -63,7 +61,7 @@ class Summary:
     stop: float
 
     @staticmethod
-    def of(scores: list[EpisodeScore]) -> Summary:
+    def of(scores: list[EpisodeScore]) -> "Summary":
         """Return the summary of some episodes."""
 
         def total(name: str) -> float:

@@ -58,7 +58,6 @@ def paired_differences(
     Args:
         ours: by seed, scores of held-out episodes.
         theirs: scores of the same episodes in the same order.
-        rng: of the resamples.
 
     Raises:
         ValueError: not the same episodes.

@@ -26,8 +26,6 @@ def report_html(markdown: str, picture_name: str, picture: bytes) -> str:
     """Return the report as a page that needs no other file.
 
     Args:
-        markdown: The report.
-        picture_name: File name of the picture in it.
         picture: Content of the picture, a PNG file.
     """
     body = MarkdownIt("commonmark", {"html": False}).enable("table").render(markdown)

@@ -56,8 +56,6 @@ class Ablation:
     """All results of an ablation.
 
     Attributes:
-        recipe: the mixtures and comparisons.
-        config: settings of the trainings.
         holdout: what was held out of every training.
         held: held-out episodes by evaluated source.
         rows: by mixture.
@@ -88,11 +86,9 @@ def run_ablation(
     """Train every mixture with every seed and predict the held-out episodes.
 
     Args:
-        recipe: mixtures, what to evaluate, and settings.
         data: folder whose runs hold the datasets.
         out: cache, checkpoints and results; given again, the run resumes where it stopped.
         changes: settings that override the recipe's.
-        show: progress bars.
 
     Raises:
         InputError: settings or data that are not valid.

@@ -51,7 +51,6 @@ class Cma(nn.Module):
         """Predict T further steps of episodes; `memory` is what the last call returned.
 
         Args:
-            read: the instructions.
             batch: `rgb`, `depth`, `previous_action` and `mask` of the steps.
             memory: recurrent states; None at the start.
         """

@@ -22,7 +22,6 @@ def build_model(tokens: Tokens, config: ModelConfig, *, pretrained: bool = True)
 
     Args:
         tokens: whose vocabulary it reads.
-        config: which one, and its sizes.
         pretrained: read the configuration's files of weights and word vectors; a checkpoint's
             weights contain them.
 

@@ -30,7 +30,6 @@ class CachedSequences(Dataset[dict[str, Any]]):
         """Keep the items of `sequences` in `folder`, which is created if missing.
 
         Args:
-            sequences: source of the items.
             folder: where the files are kept.
             images: which of `rgb` and `depth` items have; the others are not read.
         """

@@ -32,9 +32,7 @@ class Correction:
         executed: (T,) the action that was taken.
         pose: (T, 3) x, y [m], yaw [rad] relative to the first step.
         progress: (T,) 0 … 1 of the expert's route.
-        instruction: Its text.
         name: of the episode.
-        robot: name of the robot that walked.
     """
 
     rgb: NDArray[np.uint8]

@@ -47,7 +47,6 @@ class TrainingLog:
         Args:
             out: folder of the curves and the weights.
             card: of the weights, except for the number of steps and the curves.
-            config: of the training.
             seen: episodes of the training data to score.
             unseen: held-out episodes to score.
             validate: scores in closed loop at each checkpoint; without it the last one is kept.

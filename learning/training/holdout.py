@@ -36,7 +36,6 @@ def hold_out(
     seed alone.
 
     Args:
-        recipe: how much, and by what.
         trajectories: `scene/trajectory` of all episodes of the recipe's sources.
         published: those of them that lie in a published `val_seen`, `val_unseen` or `test`.
 

@@ -35,7 +35,6 @@ class Request:
     """What to train.
 
     Attributes:
-        recipe: sources, mixtures and settings.
         mixture: which of its mixtures; the only one when None.
         data: folder whose runs hold the datasets.
         out: folder of the checkpoint, the curves, the state and the decoded images.
@@ -69,7 +68,6 @@ class Result:
         checkpoint: file of weights; its card lies beside it.
         curves: scores by step.
         chosen: step of the checkpoint.
-        plan: the training data.
     """
 
     checkpoint: Path

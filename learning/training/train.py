@@ -83,11 +83,8 @@ def train_model(
     Args:
         sources: episodes of each source.
         shares: of the draws.
-        tokens: of the instructions.
-        config: settings of the training.
         seed: of weights, dropout and the order of the draws.
         state: file to resume from, and to write to.
-        watcher: Its callbacks.
         start: weights to start from (fine-tuning); new ones when None.
 
     Raises:

@@ -24,7 +24,6 @@ class Wording:
     """How a run's instructions are made.
 
     Attributes:
-        config: how they are written.
         robot: the robot whose camera says what there is to see on the way.
     """
 
@@ -66,8 +65,6 @@ def sampled(
 
     Args:
         run: where.
-        wording: how the instructions are made.
-        config: what to sample.
         scenes: rows of the repair stage by scene id.
         quotas: paths by split, by scene. Without them, every scene gives the count of
             `config`.
@@ -108,10 +105,8 @@ def aligned(
 
     Args:
         run: where.
-        wording: how the instructions are made.
         sources: one file per split.
         scenes: rows of the repair stage by scene id.
-        rules: what counts as a stair.
         config: tolerances, and the footprint of the widest robot.
     """
     folder, ledger = run.folder, run.context.ledger

@@ -23,12 +23,9 @@ class Product:
     """What is rendered and exported from rollouts.
 
     Attributes:
-        frames_per_second: rendered.
-        extras: videos beside colour and depth.
         only_success: leave failures out of the export; they are rendered in any case.
         rgb_codec: key of `formats.video.RGB_CODECS`.
         depth_storage: what `export.check_depth_storage` takes.
-        mcap: write MCAP files, too.
     """
 
     frames_per_second: int
@@ -82,11 +79,9 @@ def collect(
 
     Args:
         run: where.
-        asked: the episodes.
         scenes: rows of the repair stage by scene id.
         crew: robot and controller.
         views: what to render.
-        product: how to render and export it.
         facts: options for the provenance.
     """
     folder, (robot, controller) = run.folder, crew

@@ -13,9 +13,6 @@ class Run:
     """Runs stages one after another and remembers their summaries.
 
     Attributes:
-        folder: of the run.
-        context: ledger and workers.
-        seed: of all randomness.
         actions: how the controller `speed` executes discrete actions.
         per_instruction: make files and datasets with one episode per instruction.
         summaries: of every stage that ran, in order.

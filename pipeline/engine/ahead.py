@@ -29,9 +29,6 @@ def foreseen(
     """Return the row that an item has, or will have if it ends well.
 
     Args:
-        context: Ledger and options.
-        stage: The item's stage.
-        item: What is to be done.
         facts: Returns those facts of its row that items that read its outputs are made of.
 
     Returns:

@@ -164,8 +164,6 @@ def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
     Args:
         context: As opened by `open_single(out)`.
         out: File or folder that the item writes.
-        stage: Name of the stage.
-        item: What to do.
 
     Returns:
         The item's row; its facts are those of this run or of the earlier one.

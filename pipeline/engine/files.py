@@ -1,7 +1,5 @@
 """Size and SHA-256 of every file that an item wrote, so that later damage can be found."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,7 +21,7 @@ class FileRecord:
     sha256: str
 
     @staticmethod
-    def of(path: Path) -> FileRecord:
+    def of(path: Path) -> "FileRecord":
         """Read a file.
 
         Raises:
@@ -32,7 +30,7 @@ class FileRecord:
         return FileRecord(path.stat().st_size, file_digest(path))
 
     @staticmethod
-    def parse(text: str) -> FileRecord:
+    def parse(text: str) -> "FileRecord":
         """Return what `str` of a record gave.
 
         Raises:

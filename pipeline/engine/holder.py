@@ -1,7 +1,5 @@
 """The process that holds a lock: who it is, whether it lives, and how it renews the lock."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import logging
@@ -24,9 +22,7 @@ class Holder:
     """The process that holds a lock.
 
     Attributes:
-        host: Name of the machine.
         boot: Identifies the machine's current boot, and the container, where available.
-        pid: Process id on that machine.
         started: Start time of the process, as the system counts it: ids are used again.
         token: Unique to this holding.
     """
@@ -38,12 +34,12 @@ class Holder:
     token: str
 
     @staticmethod
-    def this() -> Holder:
+    def this() -> "Holder":
         """Return a new holder for this process."""
         return Holder(platform.node(), _boot(), os.getpid(), _started(os.getpid()), _token())
 
     @staticmethod
-    def read(path: Path) -> Holder | None:
+    def read(path: Path) -> "Holder | None":
         """Return the holder of the lock `path`; None if there is none, or it cannot be read."""
         try:
             return Holder.parse(path.read_bytes())
@@ -51,7 +47,7 @@ class Holder:
             return None
 
     @staticmethod
-    def parse(content: bytes) -> Holder | None:
+    def parse(content: bytes) -> "Holder | None":
         """Return the holder that the first line of a lock names; None if it names none."""
         try:
             return Holder(**json.loads(content.split(b"\n")[0]))

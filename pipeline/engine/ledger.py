@@ -6,8 +6,6 @@ per item would cost quadratic time), and folded into the manifest at the next `s
 and each line of the journal carry a checksum of their own.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 from collections.abc import Collection, Iterable, Mapping
@@ -30,7 +28,6 @@ class Ledger:
     """Rows of one folder, by (stage, item), and records of its files, by output.
 
     Attributes:
-        root: The folder.
         damaged_lines: Numbers of the journal's lines that cannot be used, from 1. A killed run
             leaves one at most, the last; the items of all of them run again.
         hashed: Whether the manifest was written by a version that keeps records of files.
@@ -76,7 +73,7 @@ class Ledger:
                     self.damaged_lines.append(number)
 
     @staticmethod
-    def existing(root: Path) -> Ledger:
+    def existing(root: Path) -> "Ledger":
         """Open an existing ledger: in `root`, or in the run folder that contains `root`.
 
         Raises:
@@ -133,7 +130,6 @@ class Ledger:
         """Record a finished item durably.
 
         Args:
-            row: The item.
             files: Records of the files of its outputs, by output.
         """
         self._rows[(row.stage, row.item)] = row

@@ -187,8 +187,6 @@ def _is_dead(holder: Holder, path: Path, supported: bool) -> bool:
     """Return whether the holder named in a lock has died, as far as this machine knows.
 
     Args:
-        holder: Who it is.
-        path: The lock.
         supported: Whether `flock` works here, and did not find the lock held.
     """
     if holder.is_here():

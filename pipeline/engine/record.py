@@ -30,10 +30,6 @@ def record(ledger: Ledger, stage: str, item: WorkItem, outcome: Outcome, command
     """Write an item's row, and the traceback of a failure.
 
     Args:
-        ledger: Of the run.
-        stage: The item's.
-        item: What was done.
-        outcome: What came of it.
         command: The command line that runs one item alone, up to its name; empty if none does.
 
     Raises:

@@ -1,7 +1,5 @@
 """The outcomes of work items: one as the ledger keeps it, and a stage's counts of them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -14,7 +12,6 @@ class Row:
     """The outcome of one work item.
 
     Attributes:
-        stage, item: which one.
         key: digest of config, inputs and code that made it.
         status: `done`, or `quarantined` when it raised.
         failed: done, but with a bad outcome (a fall, a stuck robot): data, and counted apart.
@@ -42,7 +39,7 @@ class Row:
     parts: dict[str, str] = field(default_factory=dict)
 
     @staticmethod
-    def parse(value: Mapping[str, Any]) -> Row:
+    def parse(value: Mapping[str, Any]) -> "Row":
         """Return a row from JSON values."""
         return Row(**{**value, "outputs": tuple(value["outputs"])})
 
@@ -73,7 +70,7 @@ class StageSummary:
             "seconds": round(self.seconds, 2),
         }
 
-    def joined(self, other: StageSummary) -> StageSummary:
+    def joined(self, other: "StageSummary") -> "StageSummary":
         """Return both runs of one stage (for two robots, …) as one."""
         return StageSummary(
             self.stage,

@@ -32,7 +32,6 @@ class Context:
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
         workers: run the items of all stages.
-        progress: show progress bars.
         explain: report for every item why it runs or is reused.
         retry_quarantined: run items again that failed before, and would fail again.
         only: `STAGE:ITEM`, the one item to run; empty runs all.
@@ -66,7 +65,6 @@ def run_stage(
     the context says otherwise, it failed for want of memory, disk or network, or it is required.
 
     Args:
-        context: ledger and workers.
         stage: its name in the ledger.
         items: all that should exist when the stage has ended.
         scope: earlier rows whose item starts with it and is not among `items` are no longer

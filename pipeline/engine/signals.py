@@ -16,11 +16,7 @@ GRACE_S = 8.0  # after it, the process ends whatever it is doing
 
 
 class Interrupted(BaseException):
-    """A signal asked the command to end; no `except Exception` may swallow it.
-
-    Attributes:
-        signal: Which one.
-    """
+    """A signal asked the command to end; no `except Exception` may swallow it."""
 
     def __init__(self, number: int):
         self.signal = signal.Signals(number)

@@ -47,7 +47,6 @@ class WorkItem:
         key: digest of configuration, inputs and code; an item done with the same key is not done
             again.
         outputs: files or folders that the job writes, each atomically.
-        job: what to do.
         inputs: what decides the result, by what it is called; to explain why a key changed.
     """
 
@@ -64,7 +63,6 @@ def work_item(
     """Return an item whose key covers its stage, `inputs`, and the code that the job imports.
 
     Args:
-        stage: name of the stage.
         name: unique within the stage.
         job: what to do. Its module imports all that the work needs and nothing else, so that an
             edit elsewhere does not repeat the work.

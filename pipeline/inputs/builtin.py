@@ -1,7 +1,5 @@
 """Names of the built-in scenes: `builtin`, `builtin:house`, `builtin-exact:villa*10@100`."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +20,6 @@ class BuiltIn:
 
     Attributes:
         kind: key of `apartments.BUILDINGS`.
-        seed: of the building.
         scanned: scan it virtually; otherwise its exact, textured geometry is used as the scan.
     """
 
@@ -35,7 +32,7 @@ class BuiltIn:
         """Name of the scene; the same building has the same name in every run."""
         return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
 
-    def and_next(self, count: int) -> list[BuiltIn]:
+    def and_next(self, count: int) -> "list[BuiltIn]":
         """Return `count` buildings of consecutive seeds, of which this is the first."""
         return [replace(self, seed=self.seed + k) for k in range(count)]
 

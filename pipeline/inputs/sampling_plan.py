@@ -118,7 +118,6 @@ def sample_config(
     """Return what to sample in each scene.
 
     Args:
-        options: of the command.
         count: paths per scene, where no plan says how many.
         radius_m: footprint of the widest robot [m].
         free_height_m: free height above every path [m].

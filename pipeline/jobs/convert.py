@@ -94,11 +94,8 @@ class LayoutUnitJob:
     """Write the unit of one episode of InternData-N1.
 
     Attributes:
-        scene: its scene's folder.
         number: episode index.
         out: unit folder.
-        name: of the dataset.
-        options: how to convert.
     """
 
     scene: SceneFolder
@@ -124,9 +121,7 @@ class UnitsDatasetJob:
     """Join units into a LeRobot dataset.
 
     Attributes:
-        units: unit folders.
         out: the dataset's folder.
-        facts: title, licence and provenance.
     """
 
     units: tuple[Path, ...]
@@ -162,8 +157,6 @@ class N1SceneJob:
     """Write one scene in InternData-N1's layout.
 
     Attributes:
-        episodes: its episodes.
-        vocabulary: words of the instructions.
         dataset: facts of the dataset the episodes come from, if known.
         every_frame: one row per frame instead of one per discrete step.
         out: the scene's folder.

@@ -22,10 +22,8 @@ class SampleJob:
     """Sample trajectories in one repaired scene.
 
     Attributes:
-        scene: its folder.
         out: episode file, of all splits.
         config: how long, for which robot, …
-        seed: of everything random.
         quotas: paths by split; empty asks for the count and split of `config`.
     """
 
@@ -62,7 +60,6 @@ class FilterJob:
     Attributes:
         source: VLN-CE file.
         out: VLN-CE file.
-        rules: what counts as a stair.
         scenes: folders of repaired scenes by name, for the rule `geometric`.
     """
 
@@ -97,7 +94,6 @@ class AlignJob:
         source: VLN-CE file.
         scenes: folders of repaired scenes by name.
         out: episode file.
-        config: tolerances, and the robot's footprint.
     """
 
     source: Path

@@ -20,16 +20,9 @@ class EvaluateJob:
     """Let a policy walk one episode and record it.
 
     Attributes:
-        scene: folder of the repaired scene.
-        episode: what to walk.
-        config: the robot, its controller, and how.
         policy: name, or address of a policy server.
         timeout_s: how long a policy server may take for one action.
-        view: the camera that the policy sees through.
-        actions: kind of the policy's actions.
         models: folder where compiled models are kept.
-        use: limits of a model behind a server, and the folder of its answers.
-        out: rollout file.
     """
 
     scene: Path

@@ -21,8 +21,6 @@ class UnitJob:
     """Write one episode's share of a LeRobot dataset.
 
     Attributes:
-        rollout: rollout file.
-        frames: its frame folder.
         out: unit folder.
         depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
@@ -61,10 +59,8 @@ class DatasetJob:
     """Join units into a LeRobot dataset.
 
     Attributes:
-        units: unit folders.
         scenes: folders of the scenes they lie in.
         all_scenes: names of all scenes of the run.
-        out: the dataset's folder.
         made: facts of each unit's episode, for the provenance.
         encoding: facts of the videos.
         facts: configuration and seeds.

@@ -21,13 +21,7 @@ from .render import scene_renderer
 
 @dataclass(frozen=True)
 class MapJob:
-    """Draw one level from above, and write the image's position in the world beside it.
-
-    Attributes:
-        scene: folder of the repaired scene.
-        level: its index.
-        out: picture.
-    """
+    """Draw one level from above, and write the image's position in the world beside it."""
 
     scene: Path
     level: int
@@ -52,15 +46,7 @@ class MapJob:
 
 @dataclass(frozen=True)
 class StripJob:
-    """Show one rendered episode as a strip of images.
-
-    Attributes:
-        scene: folder of the repaired scene.
-        rollout: rollout file.
-        robot: name or folder.
-        frames: frame folder of the rollout.
-        out: picture.
-    """
+    """Show one rendered episode as a strip of images."""
 
     scene: Path
     rollout: Path
@@ -92,11 +78,7 @@ class ClipJob:
     """Show the last seconds of one episode as a video, and its last frame as an image.
 
     Attributes:
-        scene: folder of the repaired scene.
-        rollout: rollout file.
-        robot: name or folder.
         seconds: how much of the end is shown [s].
-        out: video.
     """
 
     scene: Path
@@ -117,16 +99,7 @@ class ClipJob:
 
 @dataclass(frozen=True)
 class FilmJob:
-    """Render one rollout as a preview video.
-
-    Attributes:
-        scene: folder of the repaired scene.
-        rollout: rollout file.
-        robot: name or folder.
-        view: what to see.
-        frames_per_second: of the video.
-        out: video.
-    """
+    """Render one rollout as a preview video."""
 
     scene: Path
     rollout: Path

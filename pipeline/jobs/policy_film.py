@@ -17,10 +17,6 @@ class PolicyFilmJob:
     """Show what a policy saw and did, with its instruction.
 
     Attributes:
-        scene: folder of the repaired scene.
-        rollout: rollout file.
-        robot: name or folder.
-        view: the policy's.
         out: video; its last frame is beside it as `.jpg`.
     """
 

@@ -26,12 +26,7 @@ class RenderJob:
         scene: folder of the repaired scene.
         rollout: rollout file.
         relative: the same, relative to the folder of the ledger that records this item.
-        robot: name or folder.
-        view: what to see.
-        frames_per_second: of the videos.
         rgb_codec: key of `RGB_CODECS`.
-        extras: further videos.
-        out: frame folder.
         depth: is left the depth codes.
     """
 

@@ -28,11 +28,7 @@ class ReplayJob:
     """Let a robot walk one episode and record it.
 
     Attributes:
-        scene: folder of the repaired scene.
-        episode: what to walk.
-        config: the robot, its controller, and how.
         models: folder where compiled models are kept.
-        out: rollout file.
     """
 
     scene: Path
@@ -62,10 +58,7 @@ def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> Item
     """Write a rollout and return its facts for the ledger.
 
     Args:
-        rollout: what happened.
         scene: name of the scene.
-        config: how it was replayed.
-        out: rollout file.
 
     Raises:
         DivergedError: physics exploded; the last state lies beside where the rollout would be.

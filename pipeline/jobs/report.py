@@ -11,13 +11,7 @@ from ..report.pictures import Pictures
 
 @dataclass(frozen=True)
 class ReportJob:
-    """Write the report page.
-
-    Attributes:
-        root: the run folder.
-        pictures: images made for it.
-        out: the page.
-    """
+    """Write the report page."""
 
     root: Path
     pictures: Pictures

@@ -18,7 +18,6 @@ class RobotRow:
     Diverged episodes are set aside, but they count: as episodes, and as failures.
 
     Attributes:
-        robot, controller: Robot and controller names.
         driven: the controller, and how it carried discrete actions out.
         episodes: how many paths were tried; a path is walked once for all its instructions.
         instructions: how many those paths carry.
@@ -67,7 +66,6 @@ class LeftOut:
     """A robot under one controller that lies in a run's folder, but not on the run's paths.
 
     Attributes:
-        robot, controller: Robot and controller names.
         actions: how the controller `speed` executed discrete actions; empty for others.
         paths: how many it walked.
         datasets: names of its datasets.
@@ -215,8 +213,6 @@ def driven(controller: str, facts: Sequence[Mapping[str, Any]], with_seed: bool 
     """Return the controller in words, e.g. `speed, open loop, 50 steps` or `speed, closed loop`.
 
     Args:
-        controller: Its name.
-        facts: Of its rollouts.
         with_seed: Add their seed, where a run has several.
     """
     ways = {

@@ -1,7 +1,5 @@
 """Paths drawn over the top-down maps of the scenes."""
 
-from __future__ import annotations
-
 import itertools
 import json
 from collections.abc import Sequence
@@ -49,7 +47,7 @@ class ScenePaths:
         return dict(zip(robots, itertools.cycle(ROBOT_COLORS), strict=False))
 
     @staticmethod
-    def load(root: Path, rows: Sequence[Row]) -> ScenePaths:
+    def load(root: Path, rows: Sequence[Row]) -> "ScenePaths":
         """Read the rollouts of the replay stage's rows."""
         episodes, tracks = {}, []
         for row in rows:
@@ -76,7 +74,6 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         name: `<scene>/<level>`.
         picture: the map; the JSON file beside it holds `left_m` and `top_m` (world x and y of the
             image's upper left corner), `px_per_m`, `width` and `height`.
-        paths: what to draw.
     """
     scene, level = name.rsplit("/", 1)
     mapping = json.loads(picture.with_suffix(".json").read_text())

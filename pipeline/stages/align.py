@@ -27,8 +27,6 @@ def filter_item(
 
     Args:
         source: the user's file.
-        out: file to write.
-        rules: what counts as a stair.
         scenes: rows of the repair stage by scene id, for the rule `geometric`.
         scenes_folder: of the repaired scenes.
 

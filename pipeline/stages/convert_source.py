@@ -22,7 +22,6 @@ class Source:
 
     Attributes:
         path: what the user gave.
-        kind: its format.
         name: of the dataset that comes out; several scans give several.
     """
 

@@ -30,10 +30,6 @@ def sample_item(
 
     Args:
         scene: row of the repair stage.
-        scenes: folder of the repaired scenes.
-        out: episode file, of all splits.
-        config: what to sample.
-        seed: of all randomness.
         quotas: paths by split; by default the count and split of `config`.
     """
     job = SampleJob(scenes / scene.item, out, config, seed, dict(quotas or {}))
@@ -52,8 +48,6 @@ def items(
     Paths that the folder has for a narrower robot stay where they leave room for this one, too.
 
     Args:
-        ledger: of the run.
-        scenes: names of the scenes.
         radius_m: of the widest robot [m].
         item_for: returns the item of a scene for a radius [m].
     """

@@ -33,17 +33,10 @@ def items(
     """Return one item per episode.
 
     Args:
-        episodes: what to walk.
         scenes: rows of the repair stage by scene id.
-        scenes_folder: of the repaired scenes.
-        root: output folder.
-        config: the robot, its controller, and how.
         policy: name, or address of a policy server.
         identity: what the policy is now; see `policy_identity`.
         timeout_s: how long a policy server may take for one action.
-        view: the camera that the policy sees through.
-        actions: kind of the policy's actions.
-        use: limits of a model behind a server, and the folder of its answers.
     """
     who, result = walker(config), []
     drawn_by = renderers(episodes, scenes_folder, view.renderer)

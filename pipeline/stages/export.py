@@ -1,7 +1,5 @@
 """Stages `export`, `mcap` and `dataset`: episodes as LeRobot v3 and MCAP."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -47,9 +45,6 @@ class Dataset:
     Attributes:
         name: `<robot>-<controller>-<view>`.
         scope: What the names of its items begin with, `<robot>/<controller>/<view>/`.
-        units: folder of episode units.
-        lerobot: the dataset's folder.
-        mcap: folder of MCAP files.
     """
 
     name: str
@@ -59,7 +54,7 @@ class Dataset:
     mcap: Path
 
     @staticmethod
-    def under(root: Path, robot: str, controller: str, view: str) -> Dataset:
+    def under(root: Path, robot: str, controller: str, view: str) -> "Dataset":
         """Return the folders below an output folder."""
         name = f"{robot}-{controller}-{view}"
         folders = (root / kind / name for kind in ("units", "lerobot", "mcap"))
@@ -88,7 +83,6 @@ def run(
     Args:
         context: ledger of the folder that `dataset` lies in, and workers.
         items: the return value of `items`.
-        scenes: folder of the repaired scenes.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
     """
@@ -123,7 +117,6 @@ def items(
     Args:
         frames: rows of the render stage by item; their outputs are relative to `root`.
         root: folder of the render stage's ledger.
-        scenes: folder of the repaired scenes.
         dataset: where the files go.
         depth_storage: see `check_depth_storage`.
         per_instruction: make one unit of each instruction, with the same frames.

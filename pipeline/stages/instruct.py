@@ -13,8 +13,6 @@ def item(name: str, job: InstructJob, *made_of: str) -> WorkItem:
     """Write instructions for the episodes of one file.
 
     Args:
-        name: Unique within the stage.
-        job: What to write, and how.
         made_of: Keys of the items that made the episodes and the records of what is seen.
     """
     prompts = prompts_sha256() if job.config.llm else ""

@@ -34,8 +34,6 @@ def write(
         context: ledger of the evaluation's folder, and workers.
         rows: rows of its episodes.
         results: content of its results file.
-        view: the policy's.
-        scenes: folder of the repaired scenes.
         films: how many of each kind.
     """
     items = film_items(rows, context.ledger.root, view, scenes, films)

@@ -26,7 +26,6 @@ class Recorded:
         rows: Rows of the replay stage by item; their outputs are relative to `root`.
         root: Folder of the ledger that holds these rows.
         scenes: Rows of the repair stage by scene id.
-        scenes_folder: Folder of the repaired scenes.
     """
 
     rows: Mapping[str, Row]
@@ -59,10 +58,7 @@ def items(
     """Return one item per rollout: a frame folder `<robot>/<controller>/<view>/<episode>`.
 
     Args:
-        recorded: What to render.
-        view: Camera, light and renderer.
         frames_per_second: Frame rate of the videos [1/s].
-        frames: Output folder.
         base: Folder of the ledger that will hold these items.
         rgb_codec: Key of `formats.video.RGB_CODECS`.
         extras: Further videos; none by default.
@@ -97,10 +93,7 @@ def video_items(
     """Return one item per rollout: a preview `<robot>/<controller>/<view>/<episode>.mp4`.
 
     Args:
-        recorded: What to render.
-        view: Camera, light and renderer.
         frames_per_second: Frame rate of the videos [1/s].
-        videos: Output folder.
     """
     result = []
     for take in _takes(recorded, view):

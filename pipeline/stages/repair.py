@@ -39,8 +39,6 @@ def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem
     """Generate a built-in scene into `folder`, and scan it virtually unless it is to be exact.
 
     Args:
-        building: which one.
-        folder: output.
         splats: capture it as Gaussian splats instead of a mesh.
     """
     job: Job = ScanJob(building.seed, folder, building.kind, building.scanned)

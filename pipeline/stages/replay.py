@@ -46,12 +46,8 @@ def items(
     """Return one item per episode of one robot under one controller.
 
     Args:
-        episodes: what to walk.
         scenes: rows of the repair stage by scene id.
-        scenes_folder: of the repaired scenes.
-        rollouts: output folder.
         models: folder where compiled models are kept.
-        config: the robot, its controller, and how.
         label: see `label_of`; by default the controller's name.
     """
     who, result = walker(config), []

@@ -31,8 +31,6 @@ def run(
     """Do what is left to do for each episode in one worker, ahead of the stages.
 
     Args:
-        context: Ledger and workers.
-        asked: Episodes.
         walks: Items of the replay stage, one of each episode.
         renders: Returns the items of the render stage, one of each row of the replay stage.
         exports: Returns the items that rows of the render stage give, by stage.

@@ -15,9 +15,6 @@ def item(source: Row, scenes: Path, episodes: Path, out: Path, robot: str, every
 
     Args:
         source: row of the stage that made `episodes`.
-        scenes: folder of the repaired scenes.
-        episodes: episode file.
-        out: visibility record to write.
         robot: name or folder of the robot whose camera looks.
         every: also along paths that have an instruction already.
     """

@@ -27,7 +27,6 @@ def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
     """Hold the lock of a run folder.
 
     Args:
-        store: The run folder.
         wait: Wait until another process has left it, instead of raising.
 
     Raises:

@@ -35,8 +35,6 @@ class MirroredLedger(Ledger):
         """Open the ledger of a scratch folder that `pull` has brought up to the store.
 
         Args:
-            root: The scratch folder.
-            store: The folder of the store.
             uploaded: Records of the files that the store holds, as `pull` returned them.
 
         Raises:
@@ -158,7 +156,6 @@ def _pull(
     """Bring a scratch folder up to a manifest of the store; see `pull`.
 
     Args:
-        store: The folder of the store.
         scratch: The folder to change.
         manifest: The store's manifest.
         there: The ledger that it describes.

@@ -1,7 +1,5 @@
 """One folder of an object store: read, write and remove its objects."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +29,7 @@ class ObjectFolder:
     path: str
 
     @staticmethod
-    def open(url: str) -> ObjectFolder:
+    def open(url: str) -> "ObjectFolder":
         """Connect to the store of a URL.
 
         Raises:

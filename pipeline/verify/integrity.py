@@ -40,7 +40,6 @@ def check_files(ledger: Ledger, below: str = "") -> list[Check]:
     """Hash every recorded file, and look for files without a record.
 
     Args:
-        ledger: Of the run.
         below: Check this folder of the run alone, by its path relative to the run folder.
 
     Raises:

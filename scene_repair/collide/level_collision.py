@@ -40,9 +40,7 @@ def build_collision(
 
     Args:
         mesh: the fully repaired scan.
-        level: the level's floor.
         grid: coarse cells, aligned with the level's fine ones.
-        config: heights.
     """
     floor = _cropped(coarse_floor(level.fine, level.height_m, grid))
     grid = floor.grid

@@ -57,7 +57,6 @@ def voxelise(
         vertices_m: (V, 3) world.
         faces: (F, 3).
         face_owner: (F,) what the faces belong to, −1 = nothing.
-        grid: horizontal cells.
         z0_m: bottom of the lowest layer.
         layers: number of layers of height `grid.cell_m`.
         cut_below_m: (rows, columns) world heights below which nothing is kept: the floor.

@@ -79,8 +79,6 @@ def gather_evidence(
     """Collect the facts of a level's cells.
 
     Args:
-        mesh: the scan.
-        columns: its vertical samples.
         scanned_z_m: (rows, columns) heights of the surely known floor, NaN elsewhere.
         floor_z_m: the level's median height.
         ignore: (F,) faces that are no floor (labelled furniture).

@@ -68,8 +68,6 @@ def without_bridging(
 
     Args:
         floor_faces: (n,) candidates.
-        mesh: the scan.
-        columns: its vertical samples.
         height_m: (rows, columns) reference heights everywhere.
         fill: (rows, columns) cells that are filled.
     """

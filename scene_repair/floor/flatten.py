@@ -39,11 +39,8 @@ def flatten_bumps(
     both ways and nothing stands on it.
 
     Args:
-        mesh: the scan.
-        columns: its vertical samples over the fine grid.
-        evidence: facts per cell of the level.
+        columns: the scan's vertical samples over the fine grid.
         height_m: (rows, columns) reference floor height everywhere.
-        config: limits.
     """
     grid = columns.grid
     deviation = np.where(evidence.covered, evidence.z_m - height_m, 0.0)

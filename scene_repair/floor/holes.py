@@ -31,9 +31,7 @@ class Hole:
     Attributes:
         cells: (rows, columns) bool over the level's fine grid, cropped to `window`.
         window: where `cells` lies in the grid.
-        fill: whether it is to be filled.
         cause: what most likely made it.
-        reason: why it is filled or left.
         added_m2: area of the triangles that fill it; they reach to the rim and to walls' faces.
     """
 

@@ -64,7 +64,6 @@ def cell_polygons(
     Args:
         cells: crop of a map over `grid`.
         window: where the crop lies.
-        grid: the cells.
         keep_straight: keep a vertex at every grid node, also along straight runs.
     """
     padded = np.pad(cells, 1)

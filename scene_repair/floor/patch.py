@@ -52,7 +52,6 @@ def build_patch(
     """Close the regions by patches that end at the outline of the floor.
 
     Args:
-        mesh: the scan.
         floor_faces: (n,) faces that count as floor.
         region: what is to be covered.
         height_m: (rows, columns) height for new vertices.

@@ -50,12 +50,9 @@ def patch_region(
     rim; in cells of walls the seam ends at the wall's face.
 
     Args:
-        mesh: the scan.
         fill: (rows, columns) cells to fill.
         reach: (rows, columns) cells that the seam may enter.
         wall: (rows, columns) cells in which a wall stands.
-        grid: the cells.
-        floor_z_m: the level's floor.
     """
     upright = mesh.vertices[_upright_faces(mesh, floor_z_m)]
     tiles = Tiles(upright[..., :2].min(axis=1), upright[..., :2].max(axis=1))

@@ -96,11 +96,9 @@ def repair_floor(
         mesh: the scan, with the repairs of lower levels.
         materials: what its faces point to.
         objects: what its faces point to.
-        scanned: the level's floor as found.
         ignore: (F,) faces that are no floor.
         structure: (F,) faces labelled as wall or window.
         index: number of the level, for names.
-        config: limits.
     """
     fine = scanned.grid
     mesh, columns, evidence, bumps = _flattened(

@@ -43,7 +43,6 @@ def find_surfaces(
     """Group the horizontal samples that have some free height above into connected surfaces.
 
     Args:
-        columns: vertical samples.
         normal_z: (F,) vertical part of the unit face normals; the sign is not used, because a
             scan's winding cannot be trusted.
         ignore: (F,) bool faces that are no floor, whatever their shape.

@@ -55,10 +55,6 @@ class ColorImage:
 class GltfFile:
     """A GLB or glTF file with a parsed header; images are read separately.
 
-    Args:
-        path: the file.
-        resolver: reads what it refers to.
-
     Raises:
         FileFormatError: the header is damaged, or a buffer is missing or outside the folder.
     """

@@ -109,7 +109,6 @@ def top_faces(
         vertices_m: (V, 3) world.
         faces: (F, 3).
         corner_uv: (F, 3, 2).
-        grid: the cells.
 
     Returns:
         The highest face (rows, columns), −1 where there is none, and its texture coordinates there

@@ -18,7 +18,6 @@ def slice_marks(
     Args:
         vertices_m: (V, 3) world.
         faces: (F, 3).
-        grid: cells.
         heights_m: (n,) world heights of the planes.
     """
     scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)

@@ -1,7 +1,5 @@
 """The scan in world coordinates while it is being repaired."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,7 +28,7 @@ class WorldMesh:
     face_object: NDArray[np.int32]
 
     @staticmethod
-    def of(scan: Scan, source_to_world: NDArray[np.float64]) -> WorldMesh:
+    def of(scan: Scan, source_to_world: NDArray[np.float64]) -> "WorldMesh":
         """Transform a scan by a (4, 4) similarity."""
         vertices = scan.vertices @ source_to_world[:3, :3].T + source_to_world[:3, 3]
         return WorldMesh(vertices, scan.faces, scan.corner_uv, scan.face_material, scan.face_object)
@@ -40,11 +38,11 @@ class WorldMesh:
         """Return unit normals (F, 3); zero for degenerate faces."""
         return triangle_normals(self.vertices[self.faces])
 
-    def moved(self, vertices: NDArray[np.float64]) -> WorldMesh:
+    def moved(self, vertices: NDArray[np.float64]) -> "WorldMesh":
         """Return the same faces over other vertex positions."""
         return replace(self, vertices=vertices)
 
-    def lowered(self, faces: NDArray[np.bool_], drop_m: float) -> WorldMesh:
+    def lowered(self, faces: NDArray[np.bool_], drop_m: float) -> "WorldMesh":
         """Return the mesh with the marked faces (F,) hung lower, apart from their neighbours."""
         used, corners = np.unique(self.faces[faces], return_inverse=True)
         moved = self.faces.copy()
@@ -60,7 +58,7 @@ class WorldMesh:
         *,
         material: int,
         obj: int,
-    ) -> WorldMesh:
+    ) -> "WorldMesh":
         """Append vertices and faces; `new_faces` index the joint vertex array."""
         count = len(new_faces)
         return WorldMesh(

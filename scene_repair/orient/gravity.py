@@ -1,7 +1,5 @@
 """Estimate gravity: floors, ceilings and table tops share one normal, walls are orthogonal."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,7 +47,7 @@ class Surfaces:
     cell_area: Array
 
     @staticmethod
-    def of(vertices: Array, faces: NDArray[np.int64]) -> Surfaces:
+    def of(vertices: Array, faces: NDArray[np.int64]) -> "Surfaces":
         """Compute from triangles of non-zero area: vertices (V, 3), faces (F, 3)."""
         corners = vertices[faces]
         normals, area = triangle_normals_and_areas(corners)

@@ -34,7 +34,6 @@ def paint_floor(
 
     Args:
         mesh: the scan without patches.
-        looks: its materials.
         floor_faces: (n,) scanned floor.
         region: (rows, columns) cells under patches.
         rooms: (rows, columns) number of the room that each cell belongs to, from 1; floors are
@@ -91,11 +90,9 @@ def _paint_room(
 
     Args:
         floor: scanned floor.
-        looks: its materials.
         region: (rows, columns) cells to paint.
         others: (rows, columns) cells that are painted in any room.
         room: (rows, columns) cells whose floor may be copied.
-        grid: their grid.
         texels: grid of the whole picture.
 
     Returns:

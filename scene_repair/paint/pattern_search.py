@@ -1,7 +1,5 @@
 """Masked template matching."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -45,7 +43,7 @@ class Stock:
     spectra: dict[Window, tuple[Any, Any, Any]] = field(default_factory=dict)
 
     @staticmethod
-    def of(picture: Image32, source: Mask) -> Stock:
+    def of(picture: Image32, source: Mask) -> "Stock":
         """Prepare an image."""
         return Stock(picture, source, *reduced(source, picture))
 
@@ -56,7 +54,6 @@ def best_place(
     """Return where the template's ring fits best and all of the hole can be copied.
 
     Args:
-        stock: what to copy from.
         search: the window of it that is searched.
         template: (h, w) picture around the hole.
         ring: (h, w) where it is compared.

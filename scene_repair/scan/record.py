@@ -51,7 +51,6 @@ class Scan:
         corner_uv: (F, 3, 2) float32; v up.
         face_material: (F,) int32 index into `materials`.
         face_object: (F,) int32 index into `objects`, −1 = none.
-        materials, objects: see their records.
         up: axis that the file promises to be up, with the reason, or None.
         unit: unit that the file promises, with the reason, or None.
         licence: what the file says, empty if nothing.

@@ -34,7 +34,6 @@ def read_in_child(
 
     Args:
         reader: one of `READERS`.
-        path: the file.
         seconds: wall time it may take; None = by the file's size.
         memory_bytes: address space it may take.
     """
@@ -52,7 +51,6 @@ def run_child[T](
 
     Args:
         reader: module that is run, and its first arguments; it ends with `answer`.
-        path: the file.
         load: makes the result of the child's answer and the folder with its other files.
         seconds: wall time it may take; None = by the file's size.
         memory_bytes: address space it may take.
@@ -115,7 +113,6 @@ def answer(path: Path, memory_bytes: int, work: Callable[[Path], None]) -> None:
     """Do the work of a child within its limits, and leave the reason if it fails.
 
     Args:
-        path: the file that is read.
         memory_bytes: address space it may take.
         work: writes the answer into the folder that it is given, the working folder.
     """

@@ -31,7 +31,6 @@ class Part:
         vertices: (V, 3) float, source coordinates.
         faces: (F, 3) integers below V.
         uv: (F, 3, 2) float32; v up.
-        material: their look.
         colors: (F, 3, 3) uint8 sRGB at the corners, taking the place of the look's colour.
     """
 

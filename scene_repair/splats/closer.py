@@ -4,8 +4,6 @@ Gaussians around which the volume has seen nothing are grouped, and for each gro
 chosen from which most of it can be seen.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -94,7 +92,7 @@ class _Sight:
         self._lower, self._occupied = lower, occupied
 
     @staticmethod
-    def of(points: NDArray[np.float64]) -> _Sight:
+    def of(points: NDArray[np.float64]) -> "_Sight":
         lower = points.min(0)
         index = ((points - lower) / SIGHT_CELL_M).astype(np.int64)
         occupied = np.zeros(index.max(0) + 1, dtype=bool)

@@ -32,7 +32,6 @@ def read_occupancy(path: Path, cloud: GaussianCloud) -> Scan:
     """Read `occupancy.png` and the JSON file beside it.
 
     Args:
-        path: the image.
         cloud: the splats, in the coordinates that the map refers to.
 
     Raises:

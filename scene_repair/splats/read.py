@@ -48,7 +48,6 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
     """Read the splats of `path` and the surface that they show.
 
     Args:
-        path: the file.
         tell: called with a short line of progress before each step.
         collision: mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
             takes the place of the fused surface; None = fuse one.

@@ -29,7 +29,6 @@ class PartList:
 
     Args:
         path: the file, for errors.
-        materials: finds looks.
         warnings: gets a line for what is skipped.
     """
 

@@ -31,7 +31,6 @@ class Look:
     """A material: the path of its image, its texture coordinates and their transform.
 
     Attributes:
-        ref: colour and picture.
         primvar: name of the texture coordinates; empty = the mesh's first.
         to_uv: (2, 3) affine map that the coordinates go through.
     """

@@ -124,7 +124,6 @@ def _walk(
         outer: (4, 4) row-vector transform applied after the prims' own.
         name: names the instance that this is part of, empty if none.
         parts: gets the triangles.
-        xforms: cache of the stage's transforms.
         depth: how many instancers lie above.
     """
     if depth > MAX_DEPTH:

@@ -3,8 +3,6 @@
 # usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
 # pyright: reportAttributeAccessIssue=false
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,7 +22,7 @@ class Surface:
     triangles_m: NDArray[np.float32]
     added: NDArray[np.bool_]
 
-    def between(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> Surface:
+    def between(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> "Surface":
         """Return the triangles whose bounds overlap the box (3,), (3,)."""
         near = np.arange(len(self.triangles_m))
         # Most triangles are far above or below. Comparing corners is much faster than reducing.

@@ -50,7 +50,6 @@ def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]
 
     Args:
         surface: what may be hit; only what is near the floor need be in it.
-        grid: the floor's cells.
         expected_m: (rows, columns) heights of the floor.
     """
     per_side = int(np.ceil(grid.cell_m / PROBE_M - 1e-9))

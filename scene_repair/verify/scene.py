@@ -40,7 +40,6 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
 
     Args:
         visual: the triangles as they are to be written.
-        level: the level's collision.
 
     Returns:
         The level without the cells that failed, and counts and distances as JSON values.
@@ -103,7 +102,6 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
     every gap that is left, and every height step over 1.5 cm must be the scan's own.
 
     Args:
-        bundle: what to verify.
         usd_checked: `check_usd` has just found nothing, so it need not look again.
 
     Returns:

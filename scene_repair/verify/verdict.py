@@ -1,7 +1,5 @@
 """Judge the probes of a level: faults that make a scene unsound, and doubts."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,7 +21,7 @@ class Verdict:
     faults: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
-    def prefixed(self, prefix: str) -> Verdict:
+    def prefixed(self, prefix: str) -> "Verdict":
         """Return the same with a prefix before every line."""
         return Verdict([prefix + t for t in self.faults], [prefix + t for t in self.doubts])
 

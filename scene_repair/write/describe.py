@@ -93,8 +93,6 @@ def doubts(
 
     Args:
         evidence: of the orientation.
-        levels: the collision of all levels.
-        floors: their floors.
     """
     found = list(evidence["doubts"])
     room = evidence["room_height_m"]

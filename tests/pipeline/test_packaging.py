@@ -61,9 +61,9 @@ def test_our_datasets_package_imports_beside_it():
 
 
 def test_every_package_folder_is_listed():
-    listed = sorted(SETUPTOOLS["package-dir"].values())
-    assert listed == package_folders()
-    assert sorted(SETUPTOOLS["packages"]) == sorted(SETUPTOOLS["package-dir"])
+    folders = ["vlnpe." + folder.replace("/", ".") for folder in package_folders()]
+    assert sorted(SETUPTOOLS["packages"]) == sorted(folders)
+    assert SETUPTOOLS["package-dir"] == {f"vlnpe.{name}": name for name in PACKAGES}
 
 
 @pytest.fixture(scope="module")

@@ -1,7 +1,5 @@
 """An OpenAI-compatible server that misbehaves on request, over real HTTP."""
 
-from __future__ import annotations
-
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -71,7 +69,7 @@ class Server:
         self._thread = threading.Thread(target=self._http.serve_forever, daemon=True)
 
     @contextmanager
-    def running(self) -> Iterator[Server]:
+    def running(self) -> "Iterator[Server]":
         """Serve until the block ends."""
         self._thread.start()
         try:

@@ -1,7 +1,5 @@
 """A piece of furniture and groups that are placed together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +19,6 @@ class Piece:
     Attributes:
         name: stem of its node name, e.g. `Sofa`.
         category: e.g. `sofa`.
-        shape: its triangles.
     """
 
     name: str
@@ -30,7 +27,7 @@ class Piece:
 
     def moved(
         self, yaw_rad: float = 0.0, x_m: float = 0.0, y_m: float = 0.0, z_m: float = 0.0
-    ) -> Piece:
+    ) -> "Piece":
         """Return the same piece turned about z, then shifted."""
         return replace(self, shape=self.shape.moved(yaw_rad, (x_m, y_m, z_m)))
 
@@ -61,7 +58,7 @@ class Arrangement:
     wall: bool = True
     on_window: bool = False
 
-    def moved(self, yaw_rad: float, x_m: float, y_m: float) -> Arrangement:
+    def moved(self, yaw_rad: float, x_m: float, y_m: float) -> "Arrangement":
         """Return this turned about z, then shifted."""
         return replace(self, pieces=tuple(p.moved(yaw_rad, x_m, y_m) for p in self.pieces))
 

@@ -4,8 +4,6 @@ Readers of whole scenes compress the textures again when they write; a scan with
 must differ from the scan by the holes alone.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -116,7 +114,7 @@ class Glb:
         self.tree["scenes"][self.tree.get("scene", 0)]["nodes"].append(len(self.tree["nodes"]) - 1)
         self._pose.append(np.eye(4))
 
-    def absorb(self, other: Glb, shift_m: NDArray[np.float64]) -> None:
+    def absorb(self, other: "Glb", shift_m: NDArray[np.float64]) -> None:
         """Append everything of another file, shifted by (3,), z up."""
         self.body += b"\0" * (-len(self.body) % 4)
         start = len(self.body)

@@ -1,7 +1,5 @@
 """Outlines of holes by kind, around the origin, and the little plane geometry they need."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -31,7 +29,7 @@ class Outline:
         apart = points[:, None] - points[None]
         return float(np.sqrt((apart**2).sum(axis=-1).max()))
 
-    def moved(self, by_m: NDArray[np.float64], turn_rad: float = 0.0) -> Outline:
+    def moved(self, by_m: NDArray[np.float64], turn_rad: float = 0.0) -> "Outline":
         """Return this turned about the origin, then shifted."""
         c, s = np.cos(turn_rad), np.sin(turn_rad)
         turn = np.array([[c, s], [-s, c]])

@@ -1,7 +1,5 @@
 """The frames of a recorded rollout under one view: camera poses, then pictures."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,11 +25,7 @@ class RolloutFrames:
     """The frames of a rollout before they are rendered.
 
     Attributes:
-        rollout: recorded states.
-        view: camera, light and renderer.
-        body: the robot's body.
         sample_index: (N,) samples of the rollout.
-        path: camera poses of the N frames.
         lamp: robot's camera that carries the lamp of the light `CL`; None = the view's camera.
     """
 
@@ -50,13 +44,11 @@ class RolloutFrames:
         view: View,
         samples: NDArray[np.int64],
         robot: RobotSpec | None = None,
-    ) -> RolloutFrames:
+    ) -> "RolloutFrames":
         """Compute the camera poses of a view at `samples` (N,).
 
         Args:
             renderer: renderer of the view's name and light.
-            rollout: recorded states.
-            view: camera, light and renderer.
             samples: indices of samples of the rollout.
             robot: robot of the rollout; None = the registry's robot of that name.
 

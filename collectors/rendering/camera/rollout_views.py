@@ -50,8 +50,6 @@ def render_rollout(
     Args:
         bundle: the scene the renderer was built for.
         renderer: renderer of the view's name and light.
-        rollout: recorded states.
-        view: camera, light and renderer.
         out_dir: created if missing; the caller makes it atomic.
         frames_per_second: a divisor of the rollout's sample rate.
         depth_range: clip range of the stored depth, default `DepthRange()`.

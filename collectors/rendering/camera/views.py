@@ -67,9 +67,6 @@ class View:
 
     Attributes:
         kind: key of `VIEWS`.
-        camera: intrinsics.
-        light: name of the light.
-        renderer: name of the renderer.
         height_m: height of an `ego` camera above the floor of the standing robot; None = the
             robot's own.
         pitch_down_deg: its downward tilt [deg]; None = the robot's own.
@@ -167,10 +164,7 @@ def parse_views(
 
     Args:
         text: one or more cameras, separated by commas.
-        robot: robot or its name.
         defaults: intrinsics of cameras that do not specify their own, height and pitch of `ego`.
-        light: name of the light.
-        renderer: name of the renderer.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.

@@ -33,7 +33,6 @@ class DrawnView:
     """A camera's view for OpenGL.
 
     Attributes:
-        request: the frame.
         near_m, far_m: nothing nearer or farther is drawn [m].
         cut_above_m: nothing above this world z is drawn, if the camera is above it.
     """

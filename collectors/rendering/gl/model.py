@@ -24,7 +24,6 @@ class Pieces:
     """A model whose G geoms make up a scene.
 
     Attributes:
-        model: the compiled model.
         corners_m: (G, 8, 3) corners of each geom's box, world [m].
         material: (G,) material of each geom.
         textures: mip levels of each texture of the model: (H, W, 3) uint8 sRGB, top row first.

@@ -1,7 +1,5 @@
 """Arguments of the kernels: the scene, its light, and how to trace rays."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +29,6 @@ class SceneArrays(NamedTuple):
         base_linear: (M, 3) base colours in linear light.
         texture: (M,) int32 index of the texture, −1 = none.
         shaded: (M,) bool: whether the light falls on it; otherwise its texture is shown unchanged.
-        pack: the textures.
     """
 
     face: F32
@@ -85,7 +82,7 @@ class Packets(NamedTuple):
     samples: F32
 
     @classmethod
-    def of(cls, scene: PacketScene) -> Packets:
+    def of(cls, scene: PacketScene) -> "Packets":
         """Allocate the packets for a scene."""
         rays, shadow_rays = packet(), packet()
         return cls(

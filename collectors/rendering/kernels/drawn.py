@@ -34,7 +34,6 @@ def shade_robot(
         corner_normal: (F, 3, 3) unit normals at the triangles' corners, geom frame.
         rotation: (3, 3) geom to world.
         base_linear: (3,) colour in linear light.
-        light: what lights it.
         out: (N, 3) linear light, written at `rays`.
     """
     for j in range(rays.shape[0]):
@@ -102,7 +101,6 @@ def light_pixels(
         directions: (N, 3), world, of unit length along the optical axis.
         eye: (3,) optical centre [m].
         decode: (256,) linear light of each byte.
-        light: what lights it.
         lamp_gain: (N,) 0 in the lamp's shadow, or (0,): no shadow.
         spheres: (S, 4) of the robot, which darken what is near them.
         out: (N, 3) linear light, written.

@@ -41,9 +41,6 @@ def render_rays(
         pixel: (2, 3) change of a direction per sample to the right and down: the footprint.
         eye: (3,) optical centre [m].
         cut_above_m: rays start where they pass this world z.
-        packets: how to trace.
-        scene: the scene.
-        light: the light.
         spheres: (S, 4) centre and radius [m] of the robot's spheres, which darken nearby surfaces.
         reach: (2, 3) bounds of what they darken [m].
         hits: of the N rays, written.
@@ -158,7 +155,6 @@ def _find_footprint(packets, k, i, directions, pixel, scene):
         i: ray.
         directions: (N, 3) of all rays.
         pixel: (2, 3), see `render_rays`.
-        scene: the scene.
     """
     face = np.uint64(packets.bits[PRIM * packets.size + k])
     texture = scene.texture[np.uint64(np.int32(scene.face[face, 12]))]
@@ -207,14 +203,11 @@ def _shade(packets, k, i, directions, eye, scene, texels, light, gain, spheres, 
     """Shade the hit of ray `i` in lane `k`, and return red, green and blue in linear light.
 
     Args:
-        packets: the packet.
         k: lane.
         i: ray.
         directions: (N, 3) of all rays.
         eye: (3,) optical centre [m].
-        scene: the scene.
         texels: address of the texels.
-        light: the light.
         gain: 1 where the lamp reaches, 0 in its shadow.
         spheres: (S, 4), see `render_rays`.
         reach: (2, 3) bounds of what they darken [m].

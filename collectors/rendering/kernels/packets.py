@@ -130,12 +130,8 @@ def fill_ray(rays, bits, n, k, x, y, z, dx, dy, dz, far):
         bits: the same memory as int32.
         n: rays per packet.
         k: lane.
-        x: origin [m], x.
-        y: origin [m], y.
-        z: origin [m], z.
-        dx: direction, x.
-        dy: direction, y.
-        dz: direction, z.
+        x, y, z: origin [m].
+        dx, dy, dz: direction.
         far: largest ray parameter.
     """
     bits[VALID + k] = -1

@@ -24,13 +24,8 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     """Return the trilinear value of a grid at a surface point with a unit normal.
 
     Args:
-        grid: traced grid.
-        x: point [m], x.
-        y: point [m], y.
-        z: point [m], z.
-        nx: normal on the viewer's side, x.
-        ny: normal, y.
-        nz: normal, z.
+        x, y, z: point [m].
+        nx, ny, nz: normal on the viewer's side.
     """
     # Three quarters of a cell in front of the surface, so that cells behind it count little.
     off = f32(0.75)
@@ -63,9 +58,7 @@ def room_light(nx, ny, nz, cosine, light: F32):
     """Return the factor of the fixed room shading.
 
     Args:
-        nx: unit normal on the viewer's side, x.
-        ny: y.
-        nz: z.
+        nx, ny, nz: unit normal on the viewer's side.
         cosine: between the normal and the direction to the viewer.
         light: `Light.parameters()`.
     """
@@ -85,15 +78,10 @@ def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain
     """Return the factor by which the light scales a surface's colour.
 
     Args:
-        x: point [m], x.
-        y: point [m], y.
-        z: point [m], z.
-        nx: unit normal on the viewer's side, x.
-        ny: y.
-        nz: z.
+        x, y, z: point [m].
+        nx, ny, nz: unit normal on the viewer's side.
         cosine: between the normal and the direction to the viewer.
         corners: whether the fixed room light is darker in corners.
-        light: the light.
         lamp_gain: 1 where the lamp reaches, 0 in its shadow.
     """
     if not light.relit:
@@ -130,12 +118,8 @@ def robot_shadow(spheres: F32, x, y, z, nx, ny, nz):
 
     Args:
         spheres: (S, 4) world centre and radius [m].
-        x: point [m], x.
-        y: point [m], y.
-        z: point [m], z.
-        nx: unit normal on the viewer's side, x.
-        ny: y.
-        nz: z.
+        x, y, z: point [m].
+        nx, ny, nz: unit normal on the viewer's side.
     """
     hidden = f32(0.0)
     for s in range(spheres.shape[0]):
@@ -159,12 +143,8 @@ def viewer_side(nx, ny, nz, dx, dy, dz, least):
     """Return what scales a normal to unit length on the viewer's side, and the viewing cosine.
 
     Args:
-        nx: normal of any length and side, x.
-        ny: y.
-        nz: z.
-        dx: direction of the view ray, of any length, x.
-        dy: y.
-        dz: z.
+        nx, ny, nz: normal of any length and side.
+        dx, dy, dz: direction of the view ray, of any length.
         least: squared length below which a normal counts as zero.
     """
     along = nx * dx + ny * dy + nz * dz

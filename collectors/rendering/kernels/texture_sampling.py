@@ -24,7 +24,6 @@ def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
     1999), so that floors seen at a grazing angle stay sharp across and do not shimmer along.
 
     Args:
-        pack: all textures.
         texture: index of the texture.
         du_dx: change of u per pixel to the right.
         dv_dx: change of v per pixel to the right.
@@ -69,7 +68,6 @@ def sample_texture(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, 
     """Return the colour of a texture over a footprint: red, green, blue in linear light.
 
     Args:
-        pack: all textures.
         texels: address of their texels.
         texture: index of the texture.
         u: texture coordinate to the right, float32.

@@ -95,13 +95,11 @@ def _filter_texels(typingctx, texels, start, size, shift, step, taps, share, fra
     """Return red, green and blue of a texture over a footprint, as in `sample_texture`.
 
     Args:
-        typingctx: numba's.
         texels: address of all texels (uint32, three 10-bit roots).
         start: (2,) first texel of both mip levels.
         size: (4,) width and height of both levels [px].
         shift: (2,) u and v of the first tap.
         step: (2,) change of u and v per tap.
-        taps: number of taps.
         share: factor of the sum of squared roots.
         fraction: weight of the second level.
     """
@@ -166,7 +164,6 @@ def _blend_cells(typingctx, cells, low, high, part, normal):
     """Return the sum of a grid's values around a point, as in `cube_at`.
 
     Args:
-        typingctx: numba's.
         cells: address of the cells, each of six uint16: +x, −x, +y, −y, +z, −z.
         low: (3,) first cell of the corners with x, y, z at the lower side: x, y · columns,
             z · columns · rows.

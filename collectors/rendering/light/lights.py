@@ -21,7 +21,6 @@ class Light:
     the ceilings (see `panels.py`), a lamp on the robot, and ambient light.
 
     Attributes:
-        name: registry name.
         relit: whether panels and the lamp light the scene; otherwise the room shading does.
         panels: strength of the panel lights; 1 = daylight level on the floor.
         lamp: irradiance of the robot's lamp on a wall 1 m ahead.

@@ -35,7 +35,6 @@ def place_panels(scene: PacketScene, vertices: NDArray[np.float32], floors_z_m: 
     """Return the centres (P, 3) [m] of panels, one per `SPACING_M` tile of open floor.
 
     Args:
-        scene: ray structure.
         vertices: (V, 3) of the mesh [m].
         floors_z_m: (L,) heights of the storeys' floors.
     """

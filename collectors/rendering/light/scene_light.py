@@ -19,10 +19,7 @@ def light_arrays(
     """Return the light of a scene as arrays, with openness or irradiance traced.
 
     Args:
-        light: the light.
         bundle: the scene, for the heights of its floors.
-        mesh: its triangles.
-        scene: their ray structure.
         any_shaded: whether any material is lit at all.
     """
     grid = constant_grid(1.0)
@@ -42,7 +39,6 @@ def with_lamp(
     """Return `arrays` with the lamp placed.
 
     Args:
-        arrays: the light.
         strength: of the lamp; 0 = no lamp.
         pose: position (3,) [m] and optical quaternion (4,) of the lamp in the world.
         apart: whether that is not the eye's pose.

@@ -41,9 +41,7 @@ def film_strip(
     Args:
         path: `.png` or `.jpg`.
         renderer: of the rollout's scene; draws the robot from behind, in a light to see it by.
-        rollout: recorded states.
         frames: rendered from it.
-        robot: of the rollout.
         columns: number of moments.
         tile_px: width of a moment [px].
 

@@ -33,7 +33,6 @@ def third_person_clip(
     """Write a small `.mp4` of the end of a rollout, seen from behind the robot.
 
     Args:
-        path: output file.
         renderer: renderer of the rollout's scene.
         rollout: recorded states.
         last_s: duration of the clip [s].
@@ -80,10 +79,7 @@ def watchable_video(
     """Write an `.mp4` of a whole rollout that plays in real time.
 
     Args:
-        path: output file.
         renderer: renderer of the view's name and light.
-        rollout: recorded states.
-        view: camera, light and renderer.
         frames_per_second: a divisor of 100.
         robot: robot of the rollout; None = the registry's robot of that name.
 

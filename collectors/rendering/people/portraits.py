@@ -1,7 +1,5 @@
 """Portraits of a robot in the studio: a turntable and a film strip of its gait."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -36,8 +34,6 @@ class StandingRobot:
     """A robot standing in its default pose, its soles on the floor.
 
     Attributes:
-        robot: robot to render.
-        body: its shapes.
         lower_m, upper_m: (3,) bounds of its visible shapes [m].
     """
 
@@ -47,7 +43,7 @@ class StandingRobot:
     upper_m: Array
 
     @classmethod
-    def of(cls, robot: RobotSpec) -> StandingRobot:
+    def of(cls, robot: RobotSpec) -> "StandingRobot":
         """Return `robot` in its default pose."""
         body = RobotBody(robot.build_model(floor=False), robot.joint_names)
         points = _points(cls._standing(robot, body, 0.0))
@@ -81,7 +77,6 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
 
     Args:
         studio: from `make_studio`.
-        robot: robot to render.
         tile_px2: area of a view [px].
     """
     standing = StandingRobot.of(robot)
@@ -116,7 +111,6 @@ def walking_strip(
 
     Args:
         studio: from `make_studio`.
-        robot: robot to render.
         stroll: two cycles of its gait, along +x or in place.
         tile_px2: area of a moment [px].
     """
@@ -159,7 +153,7 @@ class _Shot:
     view: Array  # world to optical frame, (3, 3)
 
     @classmethod
-    def framing(cls, points: Array, *, away: Array, tile_px2: int) -> _Shot:
+    def framing(cls, points: Array, *, away: Array, tile_px2: int) -> "_Shot":
         """Return a camera that looks along −`away` and frames all points (N, 3) tightly."""
         low, high = points.min(0), points.max(0)
         target = 0.5 * (low + high)

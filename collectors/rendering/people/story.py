@@ -30,11 +30,9 @@ def policy_film(
     """Write an `.mp4` with one frame per action and return its last frame, (H, W, 3) uint8.
 
     Args:
-        path: output file.
         renderer: of the rollout's scene, for the view's renderer and light.
         rollout: of an evaluation.
         view: the policy's own.
-        robot: of the rollout.
     """
     samples = _moments(rollout)
     ego = _resized(view, robot, renderer)

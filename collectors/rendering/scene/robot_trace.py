@@ -102,7 +102,6 @@ class RobotTracer:
             rays: (K,) indices of the rays that can hit it.
             directions: (N, 3) of all rays, world.
             eye_m: (3,) optical centre [m].
-            light: the light.
             hits: of all rays so far, updated.
         """
         local = directions[rays] @ geom.rotation_world

@@ -47,7 +47,6 @@ class MaterialTable:
     Attributes:
         base_linear: (M, 3) float32 base colour in linear light.
         texture: (M,) int32 index into the texture pack, −1 = none.
-        pack: the textures.
     """
 
     base_linear: NDArray[np.float32]

@@ -23,7 +23,6 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
     """Write `robot` as a folder with identical dynamics; the folder's name becomes the robot's.
 
     Args:
-        robot: robot to export.
         out: output folder; replaced as a whole.
         policy: network and card of a robot that walks.
 

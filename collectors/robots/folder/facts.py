@@ -1,7 +1,5 @@
 """Strict reader of robot.toml, the facts of a user's own robot that are not in its model."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Sequence
@@ -152,13 +150,13 @@ class _Table:
             raise self.error(key, _complaint(value, "[low, high] with low ≤ 0 ≤ high"))
         return float(value[0]), float(value[1])
 
-    def table(self, key: str) -> _Table:
+    def table(self, key: str) -> "_Table":
         value = self.get(key)
         if not isinstance(value, dict):
             raise self.error(key, _complaint(value, f"a table: [{key}]"))
         return _Table(self.path, key, value)
 
-    def tables(self, key: str) -> list[_Table]:
+    def tables(self, key: str) -> "list[_Table]":
         value = self.get(key)
         if not isinstance(value, list) or not all(isinstance(v, dict) for v in value):
             raise self.error(key, _complaint(value, f"a list of tables: [[{key}]]"))

@@ -99,8 +99,6 @@ class Link:
     """An item of a chain: items of several stages that one worker runs one after the other.
 
     Attributes:
-        stage: The item's stage.
-        item: What to do.
         needed: Whether the links after it read what it writes.
         wants_success: Whether it is left out after an item with a bad outcome.
     """
@@ -168,13 +166,7 @@ def attempt_chain(
 
 
 def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
-    """Run a job in this process, and record the files that it wrote.
-
-    Args:
-        job: What to do.
-        outputs: What it writes.
-        threads: How many threads it may use.
-    """
+    """Run a job in this process, and record the files that it wrote."""
     started, cpu_started = time.perf_counter(), time.process_time()
     try:
         with allow_threads(threads):

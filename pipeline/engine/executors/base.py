@@ -92,7 +92,6 @@ def make_executor(execution: Execution, root: Path) -> Executor:
     """Return the executor that `execution` asks for.
 
     Args:
-        execution: which one, and how.
         root: run folder, shared by all machines of a cluster.
 
     Raises:

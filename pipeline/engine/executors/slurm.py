@@ -49,7 +49,6 @@ class Share:
     """The calls of one task, in order; a task that is requeued goes on where it was.
 
     Attributes:
-        calls: what to call.
         outcomes: of the calls made so far: (result, None) or (None, exception).
     """
 

@@ -25,15 +25,10 @@ class InstructJob:
     """Write instructions for the episodes of one file that have none.
 
     Attributes:
-        scenes: Folder of the repaired scenes.
-        episodes: Episode file.
         seen: What the camera sees along the paths, one record per scene; without any, the facts
             come from the map alone.
-        out: Episode file to write.
         facts: Facts records to write.
         cache: Folder of a language model's answers.
-        config: How to write.
-        seed: Random seed of the phrasing.
         per_instruction: Write one episode per instruction; a path then has several.
         objects: Objects that a vision-language model named in scenes without labels; or None.
     """

@@ -31,11 +31,7 @@ class NameThingsJob:
     """Name what the camera sees along the paths of one episode file.
 
     Attributes:
-        scenes: Folder of the repaired scenes.
-        episodes: Episode file.
-        settings: The vision-language model.
         robot: Name or folder of the robot whose camera looks.
-        cache: Folder of the model's answers.
         out: JSON file to write: objects by scene.
     """
 
@@ -68,8 +64,6 @@ def named_objects(
 
     Args:
         episodes: their paths are looked along; those of one trajectory share a path.
-        scenes: folder of repaired scenes.
-        robot: its camera looks.
         client: asks for `instruction_gen.llm.sight.Sights`.
 
     Raises:

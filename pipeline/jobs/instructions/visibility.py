@@ -42,8 +42,6 @@ class LookJob:
     """Look along the paths of one scene's episodes.
 
     Attributes:
-        scene: folder of the repaired scene.
-        episodes: episode file.
         out: visibility record.
         robot: name or folder of the robot whose camera looks.
         every: also along paths that have an instruction already.
@@ -106,7 +104,6 @@ class StandingEye:
 
         Args:
             floor_m: (3,) floor under the base.
-            yaw_rad: heading.
         """
         x, y, z = np.asarray(floor_m, np.float64)
         base = (x, y, z + self._robot.base_height_m)

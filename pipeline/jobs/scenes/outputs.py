@@ -14,9 +14,7 @@ def write_scan(folder: Path, write: Callable[[Path], Path], facts: dict[str, Any
     """Write the scan of a generated building with its licence.
 
     Args:
-        folder: Output.
         write: Writes the scan into a folder and returns its path.
-        facts: What it is.
     """
     with atomic_folder(folder) as temporary:
         scan = write(temporary)

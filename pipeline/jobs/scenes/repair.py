@@ -15,8 +15,6 @@ class RepairJob:
     """Turn one scan into a simulation-ready scene.
 
     Attributes:
-        source: the scan.
-        out: folder of the scene.
         config: how; names the scene.
     """
 

@@ -13,8 +13,6 @@ class ScanJob:
     """Write the scan of one generated building, or its exact geometry in the place of a scan.
 
     Attributes:
-        seed: of the building.
-        folder: output.
         kind: key of `apartments.BUILDINGS`.
         scanned: scan it virtually.
     """

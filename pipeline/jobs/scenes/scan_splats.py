@@ -13,8 +13,6 @@ class SplatScanJob:
     """Write the splat capture of one generated building.
 
     Attributes:
-        seed: of the building.
-        folder: output.
         kind: key of `apartments.BUILDINGS`.
     """
 

@@ -11,7 +11,6 @@ class SoundnessJob:
     """Accept or refuse a repaired scene.
 
     Attributes:
-        scene_id: its name.
         problems: what is wrong with it.
         allow_unsound: let it pass all the same.
     """
