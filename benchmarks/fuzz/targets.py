@@ -194,6 +194,7 @@ def _mcap(folder: Path) -> Target:
     from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 
     write_rollout(folder / "seed.mcap", make_rollout(0.05))
+    (folder / "whole").mkdir()
     whole = export_mcap(folder / "whole", make_rollout(0.0)).read_bytes()
 
     def read(path: Path) -> None:

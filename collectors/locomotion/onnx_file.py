@@ -124,7 +124,7 @@ class OnnxFile:
         nodes = []
         for node in model.graph.node:
             tensors = [a.t for a in node.attribute if a.name == "value" and a.HasField("t")]
-            if node.op_type == "Constant" and tensors:
+            if node.op_type == "Constant" and tensors and node.output:
                 self._tensors[node.output[0]] = tensors[0]
             else:
                 nodes.append(_node(node))

@@ -32,9 +32,15 @@ def read_mlp(file: OnnxFile) -> Mlp:
         FileFormatError: weights that are damaged, or of sizes that do not fit.
         NotAnMlpError: another graph, and what is in the way.
     """
-    value, width = file.inputs[0].name, file.inputs[0].shape[-1]
+    if not file.inputs or not file.outputs:
+        raise FileFormatError(file.path, "its graph has no input or no output")
+    value, width = file.inputs[0].name, (None, *file.inputs[0].shape)[-1]
     if not isinstance(width, int):
         raise FileFormatError(file.path, f"the width of input {file.inputs[0]} is not fixed")
+    if not 1 <= width <= MAX_WIDTH:
+        raise FileFormatError(
+            file.path, f"input {file.inputs[0]} is {width:,} wide; valid: 1 to {MAX_WIDTH:,}"
+        )
     known = {value, *(node.output for node in file.nodes)}
     layers: list[Layer] = []
     weight, bias = np.eye(width), np.zeros(width)
@@ -49,6 +55,8 @@ def read_mlp(file: OnnxFile) -> Mlp:
         constants = [name for name in node.inputs if file.is_constant(name)]
         if len(node.inputs) - len(constants) != 1 or value not in node.inputs:
             raise NotAnMlpError(file.path, f"{node.kind} of more than the value before it")
+        if not constants and node.kind not in ACTIVATIONS:
+            raise FileFormatError(file.path, f"{node.kind} without a constant")
         if node.kind in ACTIVATIONS:
             if node.kind != "Identity":
                 alpha = node.attributes.get("alpha", _ALPHAS.get(node.kind, 0.0))

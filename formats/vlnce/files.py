@@ -22,7 +22,7 @@ from ..core.frames import (
 from ..untrusted.limits import Limits
 from .load import load_document
 from .overlay import overlay
-from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id
+from .reader import BadEpisodeError, EpisodeReader, unsafe_scene_id, writable
 from .records import OUR_KEY, BadEpisode, VlnceEpisode, VlnceFile, VlnceGoal, scene_stem
 from .vocabulary import Vocabulary
 
@@ -89,6 +89,9 @@ def read_vlnce(
     if vocabulary is not None and not isinstance(vocabulary, dict):
         raise FileFormatError(path, "instruction_vocab is not an object")
     extra = {k: v for k, v in document.items() if k not in ("episodes", "instruction_vocab")}
+    for key, value in document.items():
+        if key != "episodes" and not writable(value):
+            raise FileFormatError(path, f"{brief(key)} has a number that is not finite")
     return VlnceFile(path, tuple(episodes), vocabulary, extra, tuple(bad), tuple(document))
 
 

@@ -1,5 +1,6 @@
 """Strict reading of one VLN-CE episode."""
 
+import json
 import math
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -58,14 +59,14 @@ class EpisodeReader:
         """Read the whole episode.
 
         Raises:
-            BadEpisodeError: a key is missing or of the wrong kind.
+            BadEpisodeError: a key is missing or of the wrong kind, or a number is not finite.
         """
         raw = self.raw
         instruction = self._mapping("instruction")
         text = instruction.get("instruction_text")
         if not isinstance(text, str):
             raise self.error("instruction.instruction_text is missing or no string")
-        return VlnceEpisode(
+        episode = VlnceEpisode(
             episode_id=self._identity("episode_id"),
             trajectory_id=self._identity("trajectory_id"),
             scene_id=self._scene_id(),
@@ -79,6 +80,10 @@ class EpisodeReader:
             extra={k: v for k, v in raw.items() if k not in _KNOWN},
             source=raw,
         )
+        for key, value in raw.items():
+            if not writable(value):
+                raise self.error(f"{brief(key)} has a number that is not finite")
+        return episode
 
     def _mapping(self, key: str, optional: bool = False) -> dict[str, Any]:
         value = self.raw.get(key)
@@ -155,6 +160,15 @@ def unsafe_scene_id(value: Any) -> bool:
         return False
     absolute = PurePosixPath(value).is_absolute() or PureWindowsPath(value).anchor
     return bool(absolute) or ".." in PureWindowsPath(value).parts or "\0" in value
+
+
+def writable(value: Any) -> bool:
+    """Return whether a JSON value can be written as JSON, which has neither NaN nor infinity."""
+    try:
+        json.dumps(value, allow_nan=False)
+    except ValueError:
+        return False
+    return True
 
 
 def _finite(value: Any) -> bool:

@@ -139,7 +139,7 @@ def demand(names: Iterable[str], scenes: Mapping[str, Row], folder: Path) -> Non
 
 def check_scan(source: Path) -> None:
     """Raise FileFormatError if `source` is missing, or cannot be a scan by its name."""
-    if not source.exists():
+    if not source.exists(follow_symlinks=False):
         raise FileFormatError(source, f"no such file; valid: {', '.join(SUFFIXES)}")
     if source.is_dir():
         raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")

@@ -64,7 +64,7 @@ def read_house(path: Path) -> House | None:
         fields = line.split()
         try:
             if fields[:1] == ["H"]:
-                bounds = _floats(fields[18:24]).reshape(2, 3)
+                bounds = _floats(fields[18:24], 6).reshape(2, 3)
             elif fields[:1] == ["C"]:
                 categories[fields[1]] = _category(fields[3], fields[5])
             elif fields[:1] == ["R"]:
@@ -82,7 +82,9 @@ def read_house(path: Path) -> House | None:
     return House(boxes, bounds[0], bounds[1])
 
 
-def _floats(fields: list[str]) -> NDArray[np.float64]:
+def _floats(fields: list[str], count: int) -> NDArray[np.float64]:
+    if len(fields) != count:
+        raise ValueError(f"{len(fields)} of {count} numbers: {' '.join(fields)}")
     values = np.array([float(f) for f in fields])
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > 1e6:
         raise ValueError(f"numbers out of range: {' '.join(fields)}")
@@ -100,7 +102,7 @@ def _category(fine: str, coarse: str) -> str:
 
 def _room(fields: list[str]) -> list[LabelBox]:
     name = ROOMS.get(fields[5], "")
-    lower, upper = _floats(fields[9:15]).reshape(2, 3)
+    lower, upper = _floats(fields[9:15], 6).reshape(2, 3)
     if not name or not (upper > lower).all():
         return []
     middle, half = (lower + upper) / 2, (upper - lower) / 2
@@ -109,7 +111,7 @@ def _room(fields: list[str]) -> list[LabelBox]:
 
 def _thing(fields: list[str], categories: dict[str, str]) -> list[LabelBox]:
     category = categories.get(fields[3], "")
-    values = _floats(fields[4:16])
+    values = _floats(fields[4:16], 12)
     center, first, second, half = values[:3], values[3:6], values[6:9], values[9:12]
     axes = np.stack([first, second, np.cross(first, second)])
     length = np.linalg.norm(axes, axis=1)

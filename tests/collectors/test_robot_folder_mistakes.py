@@ -50,6 +50,10 @@ MISTAKES = {
         edit(TOML, "[-0.3, 0.8]", "[0.8, -0.3]"),
         r"command_limits.vx_m_s is \[0.8, -0.3\]; valid: \[low, high\] with low ≤ 0 ≤ high",
     ),
+    "limits beyond every float": (
+        edit(TOML, "[-0.3, 0.8]", f"[-0.3, 1{'0' * 400}]"),
+        r"command_limits.vx_m_s is .*; valid: \[low, high\]",
+    ),
     "cannot go forward": (edit(TOML, "[-0.3, 0.8]", "[-0.3, 0]"), r"vx_m_s must reach above 0"),
     "taken name": (edit(TOML, '"rover"', '"jetbot"'), r"name is 'jetbot', which is reserved"),
     "reserved name": (edit(TOML, '"rover"', '"all"'), r"name is 'all', which is reserved"),

@@ -259,6 +259,9 @@ def test_too_many_files_are_refused(rover: Path, monkeypatch: pytest.MonkeyPatch
 # The policy of a robot that walks: a network and its card. ONNX is Protobuf, written by hand here.
 
 
+type Ports = tuple[tuple[int, bytes], ...]
+
+
 def message(*parts: tuple[int, bytes | int | float]) -> bytes:
     """Return a Protobuf message of (field number, value)."""
     out = b""
@@ -289,12 +292,12 @@ def port(name: bytes, width: int) -> bytes:
     return message((1, name), (2, message((1, message((1, 1), (2, shape))))))
 
 
-def network(*, weights: bytes, node: bytes = b"", width: int = 4) -> bytes:
+INPUT, OUTPUT = (11, port(b"observation", 4)), (12, port(b"action", 2))
+
+
+def network(*, weights: bytes, node: bytes = b"", ports: Ports = (INPUT, OUTPUT)) -> bytes:
     node = node or message((1, b"observation"), (1, b"w"), (2, b"action"), (4, b"MatMul"))
-    graph = message(
-        (1, node), (5, weights), (11, port(b"observation", width)), (12, port(b"action", 2))
-    )
-    return message((7, graph))
+    return message((7, message((1, node), (5, weights), *ports)))
 
 
 EXTERNAL = (14, 1)
@@ -352,6 +355,16 @@ NETWORKS = {
         "'alpha' is nan",
     ),
     "a layer without end": (network(weights=tensor(b"w", (4, 9000), bytes(4 * 4 * 9000))), "8,192"),
+    "no input": (network(weights=tensor(b"w", (4, 2), ONES), ports=(OUTPUT,)), "no input"),
+    "no output": (network(weights=tensor(b"w", (4, 2), ONES), ports=(INPUT,)), "no output"),
+    "an input without end": (
+        network(weights=b"", ports=((11, port(b"observation", 1 << 40)), OUTPUT)),
+        "8,192",
+    ),
+    "a layer without weights": (
+        network(weights=b"", node=message((1, b"observation"), (2, b"action"), (4, b"Gemm"))),
+        "without a constant",
+    ),
     "a cut": (network(weights=tensor(b"w", (4, 2), ONES))[:-5], "ONNX"),
     "nothing": (b"", "ONNX"),
     "no Protobuf": (b"\xff" * 100, "ONNX"),

@@ -112,6 +112,17 @@ def test_numbers_must_be_finite(key: str, value: Any, tmp_path: Path) -> None:
     assert key in refusal(lambda: read_vlnce(path)).reason
 
 
+@pytest.mark.parametrize("place", ["document", "instruction_vocab", "info", "unknown"])
+def test_numbers_that_json_cannot_write_are_named(place: str, tmp_path: Path) -> None:
+    """What is read is written again, unknown keys included, and JSON has no NaN."""
+    document = copy.deepcopy(PUBLIC)
+    owner = document["episodes"][0] if place in ("info", "unknown") else document
+    owner.setdefault(place, {})
+    owner[place] = {"deep": [float("nan")]}
+    path = save(tmp_path / "a.json", document)
+    assert place in refusal(lambda: read_vlnce(path)).reason
+
+
 @pytest.mark.parametrize(
     "scene_id",
     [

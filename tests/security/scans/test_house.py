@@ -60,6 +60,7 @@ def test_very_many_boxes_are_refused(tmp_path: Path) -> None:
         house("O 0 0 0 " + "9" * 100_000 + " 1 1 1 0 0 0 1 0 1 1 1\n"),
         house("O 0 0 0 " + "x" * 100_000 + " 1 1 1 0 0 0 1 0 1 1 1\n"),
         house("O 0 0 0 1 1 1 0 0 0 0 0 0 0 0 0\n"),
+        house("O 0 0 0 1 1 1 1 0 0 0 1 001 1 1\n"),
         house("R 0 0 0 0 a 0 0 0 1 1 1 nan 0 0\n"),
         house("C 0\n"),
         "ASCII 1.0\nH x x " + "0 " * 15 + "nan nan nan nan nan nan\n" + CATEGORY,
