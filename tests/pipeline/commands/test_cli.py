@@ -98,7 +98,7 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize("arguments", [["colect"], [], ["repair"], ["repair", "a", "--sed", "1"]])
+@pytest.mark.parametrize("arguments", [[], ["repair"], ["repair", "a", "--sed", "1"]])
 def test_bad_calls_exit_with_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -106,6 +106,13 @@ def test_bad_calls_exit_with_code_2(
         main(arguments)
     assert exit_.value.code == 2
     assert "vlnpe" in "".join(capsys.readouterr())
+
+
+def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["colect", "--robot", "h1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    said = "vlnpe: error: unknown command 'colect' (did you mean collect?); valid: ablate, align, "
+    assert line.startswith(said)
 
 
 @pytest.mark.parametrize(
