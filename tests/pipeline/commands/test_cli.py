@@ -115,6 +115,19 @@ def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[s
     assert line.startswith(said)
 
 
+@pytest.mark.parametrize("words", [["filter"], ["align", "--scenes", "scenes"]])
+def test_commands_of_episode_files_need_one(
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert "error: no episode file; valid: one or more" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize(
     "words", [["scan"], ["collect", "--robot", "vlnce", "--seed"], ["evaluate", "run", "--seed"]]
 )
