@@ -21,7 +21,7 @@ TARGETS = help setup collect dataset-bench evidence evaluate train-gait test tes
           report verify doctor clean
 # The closest of the words $2 to each of the words $1.
 CLOSEST = $(shell $(PYTHON) -c 'import difflib, sys; given, valid = (set(text.split()) for text in sys.argv[1:]); \
-          print(" or ".join(sorted({n for g in given for n in difflib.get_close_matches(g, valid, 2)})))' '$1' '$2')
+          print(" or ".join(sorted({n for g in given for n in difflib.get_close_matches(g, valid, 2, 0.7)})))' '$1' '$2')
 MEANT   = $(if $(CLOSEST), (did you mean $(CLOSEST)?))
 WRONG  := $(filter-out $(TARGETS),$(MAKECMDGOALS))
 ifneq ($(WRONG),)

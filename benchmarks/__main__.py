@@ -30,6 +30,7 @@ from benchmarks import (
 )
 from benchmarks.throughput import page as throughput
 from benchmarks.writing import obvious, write
+from vlnpe.formats.core.errors import did_you_mean
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.base import available_cores
 
@@ -66,7 +67,8 @@ def main(names: list[str]) -> int:
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     unknown = sorted(set(names) - set(SECTIONS))
     if unknown:
-        log.error("no section %s; there are: %s", ", ".join(unknown), ", ".join(SECTIONS))
+        named = ", ".join(f"{name}{did_you_mean(name, SECTIONS)}" for name in unknown)
+        log.error("unknown section %s; valid: %s", named, ", ".join(SECTIONS))
         return 2
     run = ROOT / "runs" / "bench"
     if not (run / "manifest.json").is_file():

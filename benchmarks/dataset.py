@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from vlnpe.collectors.robots import ROBOTS
+from vlnpe.formats.core.errors import did_you_mean
 from vlnpe.pipeline.cli import main as vlnpe
 
 KINDS = ("apartment", "villa", "house")
@@ -54,7 +55,8 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error("--train and paths must be at least 1, --unseen at least 0")
     kinds = options.kinds.split(",")
     if unknown := set(kinds) - set(KINDS):
-        parser.error(f"--kinds: {', '.join(sorted(unknown))}; valid: {', '.join(KINDS)}")
+        named = ", ".join(f"{kind}{did_you_mean(kind, KINDS)}" for kind in sorted(unknown))
+        parser.error(f"--kinds: {named}; valid: {', '.join(KINDS)}")
     common = [
         "collect",
         "--allow-fewer",

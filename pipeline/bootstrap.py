@@ -213,7 +213,7 @@ def main(arguments):
     extras = sorted(filter(None, ",".join(arguments[1:]).split(",")))
     for extra in extras:
         if extra not in known_extras():
-            near = difflib.get_close_matches(extra, known_extras(), 1)
+            near = difflib.get_close_matches(extra, known_extras(), 1, 0.7)
             hint = " (did you mean %s?)" % near[0] if near else ""
             say("unknown extra %s%s; valid: %s" % (extra, hint, ", ".join(known_extras())))
             return 2

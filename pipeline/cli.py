@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Union
 
-from ..formats.core.errors import InputError, VlnpeError
+from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
 from ..formats.untrusted.files import is_text
 from .engine.signals import (
     PIPE_CLOSED,
@@ -94,8 +94,8 @@ VERBS = {verb.name: verb for verb in _TABLE}
 DESCRIPTION = """Turn scanned buildings into cross-embodiment VLN datasets with simulated robots.
 
 `vlnpe collect` runs the whole pipeline; every stage can also be run on its own. Exit codes:
-0 success, 1 more items quarantined than --max-failed allows, 2 invalid input, 128 + N ended by
-signal N (130 Ctrl-C, 143 SIGTERM)."""
+0 success, 1 more items quarantined than --max-failed allows or a scene that is not sound, 2 invalid
+input, 3 (verify) sound but not finished, 128 + N ended by signal N (130 Ctrl-C, 143 SIGTERM)."""
 
 
 # Next to the bytecode of Python and numba; matplotlib's default is the user's home directory.
@@ -103,9 +103,12 @@ FONT_LIST_FOLDER = Path(__file__).parent / "__pycache__" / "matplotlib"
 
 
 def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
-    """Return the command and its options; exit with code 2 on a bad call, with 0 after help.
+    """Return the command and its options; exit with code 2 on a bad option, with 0 after help.
 
     Only the command that is named gets imported, and none for the list of commands.
+
+    Raises:
+        UnknownNameError: There is no such command.
     """
     if arguments and arguments[0] in ("-h", "--help"):
         _overview().print_help()
@@ -116,7 +119,9 @@ def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
         options = verb.options()
         config = (tyro.conf.OmitArgPrefixes,)
         return verb, tyro.cli(options, prog=f"vlnpe {verb.name}", args=arguments[1:], config=config)
-    # Unknown commands (tyro suggests the nearest) and shell completion need the options of all.
+    if arguments and not arguments[0].startswith("-"):
+        raise UnknownNameError("command", arguments[0], VERBS)
+    # A call without a command and shell completion need the options of all.
     records = {verb.options(): verb for verb in VERBS.values()}
     verbs = [
         Annotated[record, tyro.conf.subcommand(name=verb.name, prefix_name=False)]
@@ -174,8 +179,8 @@ def _run(arguments: Sequence[str]) -> int:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")
             return 2
-    verb, options = parse(arguments)
     try:
+        verb, options = parse(arguments)
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
         if (seed := getattr(options, "seed", None)) is not None and seed < 0:

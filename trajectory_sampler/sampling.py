@@ -202,12 +202,12 @@ def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) ->
     maps = [bundle.freemap(k).for_height(config.free_height_m) for k in levels]
     found = [longest_way(one, config.robot_radius_m, config.end_clearance_m) for one in maps]
     area, longest = max(found, key=lambda one: one[1], default=(0.0, 0.0))
+    floor = f"connected floor of {area:.1f} m²" if area >= 0.05 else "no floor so wide"
     return (
         f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m: "
         f"the longest way with {config.robot_radius_m:.2f} m of clearance along the way and "
         f"{config.end_clearance_m:.2f} m at both ends, to turn on the spot, is about "
-        f"{longest:.1f} m, on connected floor of {area:.1f} m²; {result.summary}. "
-        f"{_advice(longest)}"
+        f"{longest:.1f} m, on {floor}; {result.summary}. {_advice(longest)}"
     )
 
 

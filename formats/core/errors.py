@@ -15,6 +15,7 @@ from .checkout import program, setup_command
 
 MAX_SHOWN = 100  # names in an error message
 MAX_REASON = 800  # characters
+LEAST_LIKENESS = 0.7  # of a name to be suggested; `tent` and `apartment` have 0.62
 MAX_SPELLED = 80  # characters of a name that is compared with the valid ones
 
 
@@ -107,7 +108,7 @@ def check_name(kind: str, name: str, valid: Iterable[str]) -> None:
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
     """Return ` (did you mean x?)` for the closest of `valid`; nothing if none is close."""
     spelled = {one.casefold(): one for one in valid}
-    near = difflib.get_close_matches(name[:MAX_SPELLED].casefold(), spelled, 1)
+    near = difflib.get_close_matches(name[:MAX_SPELLED].casefold(), spelled, 1, LEAST_LIKENESS)
     return f" (did you mean {spelled[near[0]]}?)" if near else ""
 
 

@@ -4,6 +4,7 @@
 that belong to such modules are repeated here; a test compares them.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ...formats.core.errors import InputError
@@ -17,6 +18,12 @@ def must_exist(*paths: Path | None) -> None:
     for path in paths:
         if path is not None and not path.exists():
             raise InputError(f"{path}: no such file or folder")
+
+
+def check_given(episodes: Sequence[Path]) -> None:
+    """Raise InputError if a command that reads episode files was given none."""
+    if not episodes:
+        raise InputError("no episode file; valid: one or more VLN-CE files (.json or .json.gz)")
 
 
 def check_limit(limit: int | None) -> None:

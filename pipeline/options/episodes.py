@@ -7,6 +7,7 @@ import tyro
 
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
+from . import check_given
 from .shared import Clearance, Parallel, WalkedBy
 
 
@@ -76,6 +77,10 @@ class Align(Parallel, WalkedBy):
     max_failed: int = 0
     """Maximum number of rejected episodes; exit with code 1 above it."""
 
+    def check(self) -> None:
+        """Raise InputError if no file is given."""
+        check_given(self.episodes)
+
 
 @dataclass(frozen=True)
 class Filter(Parallel):
@@ -96,13 +101,17 @@ class Filter(Parallel):
     scenes: Path | None = None
     """Folder of repaired scenes, for the rule geometric."""
 
+    def check(self) -> None:
+        """Raise InputError if no file is given."""
+        check_given(self.episodes)
+
 
 @dataclass(frozen=True)
 class Sample(Parallel, Sampling, WalkedBy):
     """Sample new trajectories in repaired scenes."""
 
     scenes: tyro.conf.Positional[tuple[Path, ...]] = ()
-    """Folders of repaired scenes, or of several of them."""
+    """Repaired scenes, or folders of several."""
     out: Path | None = None
     """Episode file to write (default episodes.json.gz). With --splits or --preset a folder (default
     episodes), which gets one file per split."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -12,7 +13,7 @@ from .shared import DiscreteActions, Mounting, Printing
 
 @dataclass(frozen=True)
 class Evaluate(Running, DiscreteActions, Mounting):
-    """Evaluate a policy in closed loop: TL, NE, FR, StR, OS, SR, SPL, nDTW.
+    """Evaluate a policy in closed loop: success, falls, distance to the goal, path length.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
     """
@@ -21,10 +22,10 @@ class Evaluate(Running, DiscreteActions, Mounting):
     """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), cma (a trained model that comes with vlnpe), map (an online semantic map, without
-    training; map-llm, map-vlm and map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a
-    vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe train`
-    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
+    path), cma or cma-h1 (trained models that come with vlnpe, for vlnce and for h1), map (an online
+    semantic map, without training; map-llm, map-vlm and map-vlm-llm ask a model for sub-goals,
+    labels, or both), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe
+    train` (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -74,10 +75,10 @@ class Evaluate(Running, DiscreteActions, Mounting):
 class Compare(Printing):
     """Compare two evaluations episode by episode: changed outcomes and metrics."""
 
-    first: tyro.conf.Positional[Path]
+    first: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="FIRST")]
     """Folder of `evaluate`, or its results.json."""
-    second: tyro.conf.Positional[Path]
-    """Folder or results.json of the other evaluation."""
+    second: Annotated[tyro.conf.Positional[Path], tyro.conf.arg(metavar="SECOND")]
+    """Folder or results.json of the evaluation that is compared with it."""
 
     def check(self) -> None:
         """Raise InputError if a file or folder is missing."""

@@ -9,7 +9,10 @@ import tyro
 from ...datasets.mixture.shipped import SHIPPED
 from .shared import Printing
 
-RECIPE = f"Recipe file (.yaml), or the name of a built-in recipe: {', '.join(SHIPPED)}."
+RECIPE = tyro.conf.arg(
+    metavar="RECIPE",
+    help=f"Recipe file (.yaml), or the name of a built-in recipe: {', '.join(SHIPPED)}.",
+)
 
 
 @dataclass(frozen=True)
@@ -20,7 +23,7 @@ class Mix(Printing):
     episode index.
     """
 
-    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
+    recipe: Annotated[tyro.conf.Positional[str], RECIPE]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     mixture: str | None = None
@@ -43,13 +46,14 @@ class Train(Printing):
 
     Example: collect, train, evaluate:
       vlnpe collect --robot vlnce --scene 'builtin-exact:apartment*14' --train-scenes 10 \
-        --splits train=320,val_unseen=64 --allow-fewer --camera ego:64x64 --out runs/homes
+        --splits train=320,val_unseen=64 --allow-fewer --camera ego:64x64 --no-mcap \
+        --out runs/homes
       vlnpe train starter --data runs/homes --out runs/starter
       vlnpe evaluate runs/homes --split val_unseen --policy runs/starter/cma.safetensors \
         --robot vlnce
     """
 
-    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
+    recipe: Annotated[tyro.conf.Positional[str], RECIPE]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     mixture: str | None = None
@@ -98,7 +102,7 @@ class Ablate(Printing):
     after an interruption.
     """
 
-    recipe: Annotated[tyro.conf.Positional[str], tyro.conf.arg(help=RECIPE)]
+    recipe: Annotated[tyro.conf.Positional[str], RECIPE]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
     out: Path = Path("runs/ablation")

@@ -256,7 +256,7 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"mixtures": {}}, "at least one mixture"),
         ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
         ({"compare": [["all"]]}, "pairs"),
-        ({"compare": [["all", "none"]]}, "'none' (did you mean alone?); valid: all"),
+        ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
         ({"holdout": "room"}, "'room'; valid: auto, none, scene, split, trajectory"),
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],

@@ -36,8 +36,9 @@ def test_growing_the_set_keeps_the_shares_of_the_scenes_it_had() -> None:
 def test_kinds_are_chosen_and_checked(capsys: pytest.CaptureFixture[str]) -> None:
     assert {b.kind for b in parse_builtin(dataset.scenes(7, 5, ["villa"]), 0)} == {"villa"}
     with pytest.raises(SystemExit):
-        dataset.main(["--kinds", "villa,tent"])
-    assert "--kinds: tent; valid: apartment, villa, house" in capsys.readouterr().err
+        dataset.main(["--kinds", "villa,tent,hose"])
+    said = "--kinds: hose (did you mean house?), tent; valid: apartment, villa, house"
+    assert said in capsys.readouterr().err
 
 
 def test_robots_with_and_without_a_body_get_controllers_that_can_drive_them(monkeypatch) -> None:

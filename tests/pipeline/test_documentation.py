@@ -80,7 +80,7 @@ def test_variables_that_a_target_does_not_take_are_refused(
     [
         (["colect"], "unknown target colect (did you mean collect?); valid: help setup "),
         (["colect", "ROBOT=h1"], "unknown target colect (did you mean collect?); valid: "),
-        (["collect", "tset"], "unknown target tset (did you mean setup or test?); valid: "),
+        (["collect", "tset"], "unknown target tset (did you mean test?); valid: "),
         (["xyzzy", "FOO=1"], "unknown target xyzzy; valid: "),
     ],
 )

@@ -100,7 +100,9 @@ def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
     with pytest.raises(SceneError) as caught:
         sample(two_rooms, **changes)
     assert "two_rooms" in str(caught.value)
-    assert "m²" in str(caught.value)
+    rooms_hold_it = changes.get("robot_radius_m", 0.0) < 3.0
+    assert ("m²" in str(caught.value)) == rooms_hold_it
+    assert ("on no floor so wide" in str(caught.value)) != rooms_hold_it
     config = replace(CONFIG, **changes)
     assert f"{config.robot_radius_m:.2f} m of clearance along the way" in str(caught.value)
     assert f"{config.end_clearance_m:.2f} m at both ends" in str(caught.value)

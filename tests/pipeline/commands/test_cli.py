@@ -96,7 +96,7 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize("arguments", [["colect"], [], ["repair"], ["repair", "a", "--sed", "1"]])
+@pytest.mark.parametrize("arguments", [[], ["repair"], ["repair", "a", "--sed", "1"]])
 def test_bad_calls_exit_with_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -104,6 +104,26 @@ def test_bad_calls_exit_with_code_2(
         main(arguments)
     assert exit_.value.code == 2
     assert "vlnpe" in "".join(capsys.readouterr())
+
+
+def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["colect", "--robot", "h1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    said = "vlnpe: error: unknown command 'colect' (did you mean collect?); valid: ablate, align, "
+    assert line.startswith(said)
+
+
+@pytest.mark.parametrize("words", [["filter"], ["align", "--scenes", "scenes"]])
+def test_commands_of_episode_files_need_one(
+    words: list[str],
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words) == 2
+    assert "error: no episode file; valid: one or more" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
