@@ -1,6 +1,7 @@
 """Build the facts of a path from its geometry, the scene's labels and what the camera saw."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +17,7 @@ from .geometry import Track, track_of
 from .landmarks import landmarks_of
 from .level import LevelFacts
 from .records import (
+    LookFact,
     PassageFact,
     PathFacts,
     SegmentFact,
@@ -36,6 +38,7 @@ def path_facts(
 
     Args:
         episode: only its path and start heading are looked at.
+        shared: of the episode's level.
         visibility: what the robot's camera saw; without it, walls alone decide what is seen.
     """
     path = episode.reference_path_world_m[:, :2]
@@ -64,7 +67,7 @@ def path_facts(
         start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
         goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
         goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
-        camera=visibility.camera if visibility and sight else None,
+        camera=LookFact(**asdict(visibility.camera)) if visibility and sight else None,
     )
 
 

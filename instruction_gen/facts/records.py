@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass, field
 
-from ...formats.scene.visibility import SightCamera
-
 FACTS_VERSION = 4
 
 
@@ -150,10 +148,25 @@ class LandmarkFact:
 
 
 @dataclass(frozen=True)
+class LookFact:
+    """The camera that looked, see `formats.scene.visibility.SightCamera`."""
+
+    robot: str
+    width_px: int
+    height_px: int
+    hfov_deg: float
+    height_m: float
+    pitch_down_deg: float
+    spacing_m: float
+
+
+@dataclass(frozen=True)
 class PathFacts:
     """The facts of one path.
 
     Attributes:
+        trajectory_id, scene_id: of the episode.
+        level: of the scene.
         length_m: of the path [m].
         turns: changes of heading of 20° and more, in order.
         segments: straight stretches between them.
@@ -165,6 +178,7 @@ class PathFacts:
         start_rooms, goal_rooms: other rooms on whose threshold the path starts or stops.
         goal_near_rooms: other rooms that lie openly close to the goal.
         camera: which looked; None where facts come from the map alone.
+        facts_version: of this record.
     """
 
     trajectory_id: str
@@ -181,7 +195,7 @@ class PathFacts:
     start_rooms: tuple[str, ...] = ()
     goal_rooms: tuple[str, ...] = ()
     goal_near_rooms: tuple[str, ...] = ()
-    camera: SightCamera | None = None
+    camera: LookFact | None = None
     facts_version: int = FACTS_VERSION
 
     @property
