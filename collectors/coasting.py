@@ -1,7 +1,7 @@
 """Stopping distance and turn lag of a robot: from its gait's card, or measured here."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,12 +24,11 @@ Command = tuple[float, float, float]
 def coasting_of(robot: RobotSpec, gait: Any) -> Coasting:
     """Return the values of the gait's card (`evaluation["stopping"]`), or measure them now."""
     stopping = gait.card.evaluation.get("stopping") if isinstance(gait, GaitPolicy) else None
-    return measure_coasting(robot, gait) if stopping is None else _by_card(gait, stopping)
-
-
-def _by_card(gait: GaitPolicy, stopping: Mapping[str, Any]) -> Coasting:
-    rates, turned = stopping.get("turn_rad_s", ()), stopping.get("turned_rad_p50", ())
-    turn_lag_s = float(np.interp(_TURN_RAD_S, rates, turned)) / _TURN_RAD_S if len(rates) else 0.0
+    if stopping is None:
+        return measure_coasting(robot, gait)
+    turn_lag_s = stopping.get("turn_lag_s")
+    if turn_lag_s is None:
+        turn_lag_s = measure_turn_lag(robot, gait)
     return _coasting(gait, stopping["speed_m_s"], stopping["distance_m_p50"], turn_lag_s)
 
 
@@ -64,10 +63,15 @@ def measure_coasting(
             rows.append(np.mean([(stop.speed_m_s, stop.distance_m) for stop in stops], axis=0))
     rows.sort(key=lambda row: row[0])
     speed_m_s, distance_m = np.array(rows).reshape(-1, 2).T.tolist()
-    turns = ground.stops((0.0, 0.0, min(_TURN_RAD_S, limits.yaw_rad_s[1])))
+    return _coasting(gait, speed_m_s, distance_m, measure_turn_lag(robot, gait))
+
+
+def measure_turn_lag(robot: RobotSpec, gait: Any) -> float:
+    """Return the mean lag [s] of turns on the spot, as discrete actions make them."""
+    turn = (0.0, 0.0, min(_TURN_RAD_S, robot.command_limits.yaw_rad_s[1]))
+    turns = _FlatGround(robot, gait).stops(turn)
     lags_s = [stop.turned_rad / stop.turn_rad_s for stop in turns if stop.turn_rad_s > 0.1]
-    turn_lag_s = max(float(np.mean(lags_s)), 0.0) if lags_s else 0.0
-    return _coasting(gait, speed_m_s, distance_m, turn_lag_s)
+    return max(float(np.mean(lags_s)), 0.0) if lags_s else 0.0
 
 
 @dataclass(frozen=True)

@@ -1,15 +1,16 @@
 """The sheet that `vlnpe robots` shows of a robot: its facts and its policy's card."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from ..collectors.controllers import valid_controllers
 from ..collectors.gait_trials.gates import GateResult, gate_results
 from ..collectors.locomotion.card import PolicyCard
 from ..collectors.locomotion.policy import GaitPolicy
 from ..collectors.rendering.people.portraits import StandingRobot
-from ..collectors.robots import RobotSpec
+from ..collectors.robots import TIMESTEP_S, RobotSpec
 from ..formats.core.checkout import program
 from ..formats.core.errors import FileFormatError
 
@@ -25,6 +26,8 @@ class RobotSheet:
         footprint_radius_m: what planners keep free.
         controllers: that can move it.
         samples, wall_s: its policy's training; None when the card does not say.
+        anticipated_ms: the greatest delay that its gait learned to act ahead of; None where it did
+            not.
         gates: the policy's requirements; empty where there is no policy.
         problem: why its policy cannot be read; empty where it can, or needs none.
         sources: where its facts come from.
@@ -46,6 +49,7 @@ class RobotSheet:
     controllers: tuple[str, ...]
     samples: int | None
     wall_s: float | None
+    anticipated_ms: float | None
     gates: tuple[dict[str, object], ...]
     problem: str
     sources: tuple[str, ...]
@@ -91,6 +95,7 @@ def sheet_of(robot: RobotSpec) -> RobotSheet:
         controllers=tuple(valid_controllers(robot)),
         samples=training.get("samples"),
         wall_s=training.get("wall_s"),
+        anticipated_ms=_anticipated_ms(training),
         gates=() if card is None else tuple(_gate(g) for g in gate_results(card.evaluation)),
         problem=problem,
         sources=robot.sources,
@@ -102,6 +107,13 @@ def _card(robot: RobotSpec) -> tuple[PolicyCard | None, str]:
         return GaitPolicy.load(robot).card, ""
     except FileFormatError as error:
         return None, str(error)
+
+
+def _anticipated_ms(training: Mapping[str, Any]) -> float | None:
+    """Return the greatest delay in a card's training; a user's card may say anything there."""
+    facts = training.get("anticipation")
+    substeps = facts.get("late_substeps") if isinstance(facts, dict) else None
+    return 1000 * TIMESTEP_S * substeps if isinstance(substeps, int | float) else None
 
 
 def _gate(result: GateResult) -> dict[str, object]:
@@ -171,6 +183,8 @@ def details(sheet: RobotSheet) -> str:
         samples = "?" if sheet.samples is None else f"{sheet.samples / 1e6:.3g} million"
         wall = "?" if sheet.wall_s is None else f"{sheet.wall_s / 3600:.2g} h"
         lines.append(f"  policy: {samples} samples in {wall}")
+        if sheet.anticipated_ms is not None:
+            lines.append(f"  anticipates delays: actions may be {sheet.anticipated_ms:.0f} ms late")
         lines += [f"  {gate['line']}" for gate in sheet.gates]
     lines += [f"  source: {source}" for source in sheet.sources]
     return "\n".join(lines)

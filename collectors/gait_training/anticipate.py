@@ -27,7 +27,7 @@ from ...formats.core.atomic import atomic_file
 from ..gait_trials.aim import command_bounds
 from ..gait_trials.terrain import Terrain, noise_terrain
 from ..gait_trials.trial import Conditions, Trial
-from ..locomotion.card import POLICY_FOLDER, PolicyCard, save_card
+from ..locomotion.card import PolicyCard, save_card
 from ..locomotion.observation import layout
 from ..locomotion.policy import GaitPolicy, policy_files
 from ..robots import POLICY_DECIMATION, RobotSpec, get_robot
@@ -222,7 +222,7 @@ def _read(path: Path) -> tuple[Samples, Samples]:
 def main(
     robot: Annotated[str, tyro.conf.Positional],
     out: Path | None = None,
-    start: Path = POLICY_FOLDER,
+    start: Path | None = None,
     rounds: int = 6,
     seed: int = 0,
 ) -> None:
@@ -231,12 +231,13 @@ def main(
     Args:
         robot: registry name.
         out: folder of checkpoint and gait; default `runs/late-<robot>`.
-        start: folder of the gait to begin with; default the installed one.
+        start: folder of the gait to begin with; default that of its training, `runs/gait-<robot>`.
         rounds: of walking and learning.
         seed: random seed.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    anticipate(get_robot(robot), start, out or Path("runs") / f"late-{robot}", rounds, seed)
+    start, out = start or Path("runs") / f"gait-{robot}", out or Path("runs") / f"late-{robot}"
+    anticipate(get_robot(robot), start, out, rounds, seed)
 
 
 if __name__ == "__main__":

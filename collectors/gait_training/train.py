@@ -45,8 +45,7 @@ class Arguments:
         threads: number of threads for physics.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
-        refine: start from a gait, with the phases for that (`REFINEMENTS`).
-        start: folder of the gait to refine; default the installed one.
+        refine: folder of a gait to start from, with the phases for that (`REFINEMENTS`).
     """
 
     robot: tyro.conf.Positional[str]
@@ -55,8 +54,7 @@ class Arguments:
     threads: int = 2
     publish: bool = False
     iterations: int | None = None
-    refine: bool = False
-    start: Path = POLICY_FOLDER
+    refine: Path | None = None
 
 
 def run(arguments: Arguments) -> None:
@@ -75,7 +73,7 @@ def run(arguments: Arguments) -> None:
         arguments.seed,
         arguments.threads,
         arguments.iterations,
-        arguments.start if arguments.refine else None,
+        arguments.refine,
     )
     if arguments.publish:
         # Late, because it needs more than training does.

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.frames import wrap_angle
+from ..coasting import measure_turn_lag
 from ..locomotion.policy import GaitPolicy
 from ..robots import POLICY_DECIMATION, RobotSpec
 from .terrain import Terrain
@@ -158,8 +158,7 @@ def stops(
         worst condition (3 s for those who fall or never rest); share `rested` within 1.5 s, of all;
         and by `speed_m_s`, over all conditions and
         turn rates, the displacement from the stop to rest `distance_m_p50`, `distance_m_p95` [m]
-        of those who stayed up, and `rest_s_p99_by_speed` [s]; by `turn_rad_s`, over all conditions
-        and speeds, the angle `turned_rad_p50`, `turned_rad_p95` [rad] turned on in that sense.
+        of those who stayed up, and `rest_s_p99_by_speed` [s]; `turn_lag_s` [s], see `Coasting`.
     """
     commands = np.array(
         [(v, 0.0, w) for v, w, _ in product(SPEEDS_M_S, TURNS_RAD_S, range(REPEATS))]
@@ -173,12 +172,9 @@ def stops(
     trials = [_stop(policy, commands, each, rng) for each in conditions]
     upright = [float(1.0 - fallen.mean()) for fallen, *_ in trials]
     rest_s = [_p99(rest) for _, rest, *_ in trials]
-    fallen, rest, distance, turned = (np.concatenate(parts) for parts in zip(*trials, strict=True))
-    speed, _, turn = np.tile(commands, (len(conditions), 1)).T
+    fallen, rest, distance = (np.concatenate(parts) for parts in zip(*trials, strict=True))
+    speed = np.tile(commands[:, 0], len(conditions))
     per_speed = [speed == v for v in SPEEDS_M_S]
-    turned *= np.sign(turn)
-    turns = [w for w in TURNS_RAD_S if w > 0.0]
-    per_turn = [(np.abs(turn) == w) & ~fallen for w in turns]
     return {
         "robots": len(fallen),
         "falls": int(fallen.sum()),
@@ -189,16 +185,14 @@ def stops(
         "distance_m_p50": [_quantile(distance[at & ~fallen], 0.5) for at in per_speed],
         "distance_m_p95": [_quantile(distance[at & ~fallen], 0.95) for at in per_speed],
         "rest_s_p99_by_speed": [_p99(rest[at]) for at in per_speed],
-        "turn_rad_s": turns,
-        "turned_rad_p50": [_quantile(turned[at], 0.5) for at in per_turn],
-        "turned_rad_p95": [_quantile(turned[at], 0.95) for at in per_turn],
+        "turn_lag_s": measure_turn_lag(policy.robot, policy),
     }
 
 
 def _stop(
     policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
-) -> tuple[NDArray[np.bool_], Array, Array, Array]:
-    """Return which robots fell (N,), time to rest [s], displacement [m] and left turn [rad]."""
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Return which robots fell (N,), time to rest [s] and displacement [m]."""
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
     trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
@@ -222,7 +216,7 @@ def _stop(
     end = np.minimum(first + round(WATCH_S / STEP_S), steps - 1)
     moved = where[end, np.arange(n)] - where[np.maximum(first - 1, 0), np.arange(n)]
     distance = np.linalg.norm(moved[:, :2], axis=1)
-    return trial.fallen.copy(), rest, distance, wrap_angle(moved[:, 2])
+    return trial.fallen.copy(), rest, distance
 
 
 def _p99(values: Array) -> float:

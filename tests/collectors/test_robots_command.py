@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from vlnpe.collectors.rendering.people.studio import make_studio
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.collectors.stroll import stroll
 from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline import robot_sheet
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.robot_sheet import details, sheet_of, table
 
@@ -48,10 +50,6 @@ def test_it_lists_every_robot_with_its_facts(capsys: pytest.CaptureFixture):
 
 
 def test_an_unmeasured_gate_is_marked(monkeypatch: pytest.MonkeyPatch):
-    from dataclasses import replace
-
-    from vlnpe.pipeline import robot_sheet
-
     robot = get_robot("aliengo")
     policy = GaitPolicy.load(robot)
     for evaluation, summary in (
@@ -67,6 +65,16 @@ def test_an_unmeasured_gate_is_marked(monkeypatch: pytest.MonkeyPatch):
         assert summary in table([sheet])
         json.dumps([dict(gate) for gate in sheet.gates], allow_nan=False)
         assert "not measured" in details(sheet)
+
+
+@pytest.mark.parametrize("training", [{}, {"anticipation": "some"}, {"anticipation": {}}])
+def test_only_a_gait_that_anticipates_says_so(monkeypatch: pytest.MonkeyPatch, training: dict):
+    robot = get_robot("g1")
+    policy = GaitPolicy.load(robot)
+    assert "anticipates delays: actions may be 70 ms late" in details(sheet_of(robot))
+    changed = policy.changed(robot, replace(policy.card, training=training))
+    monkeypatch.setattr(robot_sheet.GaitPolicy, "load", lambda robot: changed)
+    assert "anticipates" not in details(sheet_of(robot))
 
 
 def test_a_named_robot_is_described_in_full(capsys: pytest.CaptureFixture):

@@ -1,5 +1,7 @@
 """A gait that anticipates delays: its network, its past, and how it learns."""
 
+import hashlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +10,12 @@ import pytest
 pytest.importorskip("torch", reason="extra `train` is not installed")
 
 from vlnpe.collectors.gait_training import anticipate
-from vlnpe.collectors.gait_training.correction import PAST, Correction, beside
-from vlnpe.collectors.gait_training.export import layers_of
+from vlnpe.collectors.gait_training.correction import HIDDEN, PAST, Correction, beside
+from vlnpe.collectors.gait_training.export import layers_of, to_onnx
 from vlnpe.collectors.gait_training.mirror import Symmetry
 from vlnpe.collectors.gait_trials.trial import Conditions, Trial
 from vlnpe.collectors.locomotion import GaitPolicy
+from vlnpe.collectors.locomotion.card import save_card
 from vlnpe.collectors.locomotion.network import Layer, Mlp
 from vlnpe.collectors.locomotion.observation import layout, past_steps, remember
 from vlnpe.collectors.locomotion.policy import policy_files
@@ -20,6 +23,26 @@ from vlnpe.collectors.robots import get_robot
 
 ROBOT = get_robot("aliengo")
 JOINTS = ROBOT.policy_joints
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the gait inside the installed one, which anticipates delays."""
+    folder = tmp_path_factory.mktemp("plain")
+    weights, biases = layers_of(policy_files(ROBOT)[0])
+    seen = layout(JOINTS)
+    columns = sum(width for _, width in seen)
+    for i, weight in enumerate(weights):
+        # The correction stands below and to the right, together with its mirror image.
+        rows = JOINTS if i == len(weights) - 1 else len(weight) - 2 * HIDDEN
+        weights[i], biases[i] = weight[:rows, :columns], biases[i][:rows]
+        columns = rows
+    content = to_onnx(weights, biases)
+    network, card = policy_files(ROBOT, folder)
+    network.write_bytes(content)
+    digest = hashlib.sha256(content).hexdigest()
+    save_card(replace(GaitPolicy.load(ROBOT).card, observation=seen, onnx_sha256=digest), card)
+    return folder
 
 
 def run(weights: list[np.ndarray], biases: list[np.ndarray], seen: np.ndarray) -> np.ndarray:
@@ -62,13 +85,12 @@ def test_the_history_holds_earlier_observations() -> None:
 
 
 def test_a_tiny_training_resumes_and_its_gait_stands(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(anticipate, "ROBOTS", 6)
     monkeypatch.setattr(anticipate, "SECONDS", 0.6)
-    start = policy_files(ROBOT)[0].parent
-    anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=1)
-    anticipate.anticipate(ROBOT, start, tmp_path / "parts", rounds=2)
+    anticipate.anticipate(ROBOT, plain, tmp_path / "parts", rounds=1)
+    anticipate.anticipate(ROBOT, plain, tmp_path / "parts", rounds=2)
     late = GaitPolicy.load(ROBOT, tmp_path / "parts")
     assert late.card.past == PAST
     assert late.card.training["anticipation"]["rounds"] == 2
@@ -84,18 +106,20 @@ def test_a_tiny_training_resumes_and_its_gait_stands(
         anticipate.anticipate(ROBOT, tmp_path / "parts", tmp_path / "again", rounds=1)
 
 
-def test_an_untrained_correction_adds_nothing() -> None:
-    gait = layers_of(policy_files(ROBOT)[0])
+def test_an_untrained_correction_adds_nothing(plain: Path) -> None:
+    gait = layers_of(policy_files(ROBOT, plain)[0])
     both = beside(gait, Correction(ROBOT).layers())
     seen = np.random.default_rng(2).normal(0, 1, (8, both[0][0].shape[1]))
     width = gait[0][0].shape[1]
     np.testing.assert_allclose(run(*both, seen), run(*gait, seen[:, :width]), rtol=0, atol=1e-4)
 
 
-def test_actions_without_delay_need_no_correction(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_actions_without_delay_need_no_correction(
+    plain: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(anticipate, "ROBOTS", 6)
     monkeypatch.setattr(anticipate, "SECONDS", 0.6)
-    gait = GaitPolicy.load(ROBOT)
+    gait = GaitPolicy.load(ROBOT, plain)
     for most, lacks in ((4, False), (14, True)):
         monkeypatch.setattr(anticipate, "LATE_SUBSTEPS", most)
         _, lacking = anticipate.walks(gait, Correction(ROBOT), np.random.default_rng(0))
