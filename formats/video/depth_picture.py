@@ -20,10 +20,10 @@ _FONT_PX = 15
 def depth_picture(depth_m: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Return depth (H, W) [m] as colours (H, W, 3): warm is near, blue is `FAR_M` and farther.
 
-    Colours change with the square root of the depth, because most of what a robot in a room sees
-    is near. What is invalid (0) is grey.
+    Colours change with the logarithm of 1 m more than the depth, because most of what a robot in a
+    room sees is near. What is invalid (0) is grey.
     """
-    farness = np.sqrt(np.clip(depth_m / FAR_M, 0.0, 1.0))
+    farness = np.log1p(np.clip(depth_m, 0.0, FAR_M)) / np.log1p(FAR_M)
     level = np.round(_LEVELS - 1 - (_LEVELS - 1 - _DARKEST) * farness).astype(np.uint8)
     colours = cv2.applyColorMap(level, cv2.COLORMAP_TURBO)[..., ::-1].copy()
     colours[depth_m <= 0] = _UNMEASURED
@@ -36,7 +36,8 @@ def depth_scale(height_px: int) -> NDArray[np.uint8]:
     Ticks whose labels would touch those above them are left out; the ends are always there.
     """
     farness = np.linspace(1.0, 0.0, height_px, dtype=np.float32)[:, None]
-    column = np.maximum(FAR_M * np.square(farness), np.float32(1e-3))  # 0 would be invalid
+    depth_m = np.expm1(farness * np.log1p(np.float32(FAR_M)))
+    column = np.maximum(depth_m, np.float32(1e-3))  # 0 would be invalid
     bar_px = SCALE_PX // 4
     scale = np.full((height_px, SCALE_PX, 3), _PAPER, np.uint8)
     scale[:, :bar_px] = depth_picture(column)
@@ -46,7 +47,7 @@ def depth_scale(height_px: int) -> NDArray[np.uint8]:
     top, bottom = _FONT_PX // 2 + 1, height_px - _FONT_PX // 2 - 2  # of the labels' middles
     last = -_FONT_PX
     for metres in reversed(TICKS_M):
-        row = (1.0 - (metres / FAR_M) ** 0.5) * (height_px - 1)
+        row = (1.0 - np.log1p(metres) / np.log1p(FAR_M)) * (height_px - 1)
         place = min(max(row, top), bottom)
         if metres and (place - last < _FONT_PX + 2 or bottom - place < _FONT_PX + 2):
             continue
