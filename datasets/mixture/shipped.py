@@ -3,8 +3,6 @@
 Imports little, since the help of the command line lists them, too.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ...formats.core.errors import InputError, did_you_mean

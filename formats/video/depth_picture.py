@@ -1,7 +1,5 @@
 """Depth as colours for people, on one scale in every picture, with ticks in metres."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
