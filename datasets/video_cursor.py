@@ -4,14 +4,12 @@ import os
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import cast
 
 import av
 from av.error import FFmpegError
-from av.video.stream import VideoStream
 
 from ..formats.core.errors import FileFormatError
-from ..formats.untrusted.files import check_input
+from ..formats.video.stream import open_container
 
 # Decoding on over this many unwanted frames is cheaper than seeking: key frames are 2 apart.
 _NEAR = 2
@@ -27,13 +25,8 @@ class VideoCursor:
             FileFormatError: missing or damaged.
         """
         self._path, self._rate = path, frames_per_second
-        check_input(path)
-        try:
-            # As MP4 whatever it says: playlists would have the decoder open other files and hosts.
-            self._container = av.open(str(path.absolute()), format="mp4")
-            self._stream = cast(VideoStream, self._container.streams.video[0])
-        except (FFmpegError, OSError, IndexError) as error:
-            raise FileFormatError(path, f"not a readable video ({error})") from error
+        self._container = open_container(path)
+        self._stream = self._container.streams.video[0]
         # Loaders run one process per core; a decoder's own threads would only fight with them.
         self._stream.codec_context.thread_count = 1
         self._tick_s = float(self._stream.time_base or 1)

@@ -251,7 +251,8 @@ def _internnav(pattern: str) -> Callable[[Path], Target]:
         def read(_: Path) -> None:
             find_scenes(folder / "n1")
             episode = read_layout_episode(scene, 0)
-            np.asarray(episode.rgb[:1]), np.asarray(episode.depth[:1])
+            for images in (episode.rgb, episode.depth):
+                np.asarray(images[:1])
 
         return Target([seed], _file(path, read))
 

@@ -47,7 +47,17 @@ def probe_video(path: Path) -> VideoFacts:
 
 @contextlib.contextmanager
 def open_video(path: Path) -> Iterator[InputContainer]:
-    """Open a file that has a video stream.
+    """Open a file that has a video stream, and close it at the end.
+
+    Raises:
+        FileFormatError: missing, no video, or its header is lost.
+    """
+    with contextlib.closing(open_container(path)) as container:
+        yield container
+
+
+def open_container(path: Path) -> InputContainer:
+    """Return an open file whose first video stream has a known codec; the caller closes it.
 
     Raises:
         FileFormatError: missing, no video, or its header is lost.
@@ -60,10 +70,11 @@ def open_video(path: Path) -> Iterator[InputContainer]:
         raise FileFormatError(path, f"not a readable video ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise FileFormatError(path, "not a readable video (its metadata is not text)") from error
-    with contextlib.closing(container):
-        if not container.streams.video:
-            raise FileFormatError(path, "no video stream")
-        yield container
+    if container.streams.video and container.streams.video[0].codec_context:
+        return container
+    reason = "its codec is unknown" if container.streams.video else "no video stream"
+    container.close()
+    raise FileFormatError(path, reason)
 
 
 def decode_frames(path: Path) -> Iterator[av.VideoFrame]:

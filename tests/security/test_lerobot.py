@@ -270,6 +270,25 @@ def test_videos_that_refer_to_others_are_refused(
     refusal(lambda: probe_video(path))
 
 
+@pytest.mark.parametrize(
+    ("part", "damaged", "reason"),
+    [
+        (b"avc1", b"zzzz", "codec is unknown"),
+        (b"VideoHandler", b"VideoHa\xffdler", "metadata is not text"),
+        (b"vide", b"soun", "no video stream"),
+    ],
+)
+@READERS
+def test_damaged_headers_of_videos_are_named(
+    read: Callable[[Path], None], part: bytes, damaged: bytes, reason: str, dataset: Path
+) -> None:
+    path = a_file(dataset, PLACES["video"])
+    content = path.read_bytes()
+    assert part in content
+    path.write_bytes(content.replace(part, damaged))
+    assert reason in refusal(lambda: read(dataset)).reason
+
+
 def test_feature_names_that_leave_the_unit_are_refused(tmp_path: Path) -> None:
     (unit,) = write_units(tmp_path, (0.0,))
     index = json.loads((unit / "unit.json").read_text())
