@@ -77,7 +77,8 @@ class Port:
     shape: tuple[int | str, ...]
 
     def __str__(self) -> str:
-        return f"{self.name} tensor({'float' if self.is_float else 'other'}) {list(self.shape)}"
+        kind = "float" if self.is_float else "other"
+        return f"{brief(self.name)} tensor({kind}) {brief(list(self.shape))}"
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ class OnnxFile:
         raw = np.frombuffer(tensor.raw_data[: len(tensor.raw_data) // 4 * 4], "<f4")
         values = raw if tensor.raw_data else np.array(tensor.float_data, np.float32)
         shape = tuple(tensor.dims)
-        if math.prod(shape) != values.size or min(shape, default=1) < 0:
+        if math.prod(shape) != values.size or min(shape, default=1) < 1:
             sizes = "×".join(map(str, shape)) or "1"
             raise FileFormatError(
                 self.path, f"weights {name!r} have {values.size} numbers, their shape is {sizes}"

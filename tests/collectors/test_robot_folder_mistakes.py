@@ -193,7 +193,7 @@ WALKING_MISTAKES = {
     "limits of no aim": (changed_gait(aim=[], aim_limits=[[-1, 1]] * 3), r"aim_limits is 3×2"),
     "a network for fewer joints": (
         network_of("h1"),
-        r"policy.onnx: its input is observation .*; valid: observation tensor\(float\) .*230",
+        r"policy.onnx: its input is 'observation' .*; valid: observation tensor\(float\) .*230",
     ),
     "no action scale": (edit(TOML, "action_scale_rad", "#"), r"action_scale_rad is missing"),
     "too many joints": (edit(TOML, "policy_joints = 12", "policy_joints = 13"), r"1 … 12"),

@@ -337,6 +337,14 @@ NETWORKS = {
         network(weights=tensor(b"w", (2**64 - 4, 2**64 - 2), ONES)),
         "numbers, their shape is",
     ),
+    "a size without end and none": (
+        network(weights=tensor(b"w", (0, 1 << 62), b"")),
+        "have 0 numbers",
+    ),
+    "a name on two lines": (
+        network(weights=b"", ports=((11, port(b"a\nb", 1 << 40)), OUTPUT)),
+        r"'a\nb'",
+    ),
     "NaN": (
         network(weights=tensor(b"w", (4, 2), struct.pack("<8f", *[float("nan")] * 8))),
         "finite",
