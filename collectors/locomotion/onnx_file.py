@@ -146,7 +146,8 @@ class OnnxFile:
             for attribute in node.attribute:
                 if not math.isfinite(attribute.f):
                     raise FileFormatError(
-                        self.path, f"{node.op_type}: {brief(attribute.name)} is {attribute.f}"
+                        self.path,
+                        f"{brief(node.op_type)}: {brief(attribute.name)} is {attribute.f}",
                     )
                 tensors += [attribute.t, *attribute.tensors]
                 for inner in (attribute.g, *attribute.graphs):

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, brief
 from .network import ACTIVATIONS, Layer, Mlp
 from .onnx_file import Node, OnnxFile
 
@@ -46,7 +46,9 @@ def read_mlp(file: OnnxFile) -> Mlp:
     weight, bias = np.eye(width), np.zeros(width)
     for node in file.nodes:
         if node.kind not in _KINDS:
-            raise NotAnMlpError(file.path, f"operator {node.kind}; known: {', '.join(_KINDS)}")
+            raise NotAnMlpError(
+                file.path, f"operator {brief(node.kind)}; known: {', '.join(_KINDS)}"
+            )
         for name in node.inputs:
             if name not in known and not file.is_constant(name):
                 raise FileFormatError(

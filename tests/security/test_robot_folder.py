@@ -345,6 +345,10 @@ NETWORKS = {
         network(weights=b"", ports=((11, port(b"a\nb", 1 << 40)), OUTPUT)),
         r"'a\nb'",
     ),
+    "an operator on two lines": (
+        network(weights=b"", node=message((1, b"observation"), (2, b"action"), (4, b"M\nx"))),
+        r"'M\nx'",
+    ),
     "NaN": (
         network(weights=tensor(b"w", (4, 2), struct.pack("<8f", *[float("nan")] * 8))),
         "finite",

@@ -195,7 +195,7 @@ NOT_MLPS = {
     ),
     "another operator": (
         [node("MatMul", "observation w", "a"), node("Softmax", "a", "action")],
-        "operator Softmax",
+        "operator 'Softmax'",
     ),
 }
 
@@ -224,7 +224,7 @@ def test_without_onnxruntime_the_message_names_the_extra(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
     made = model(NOT_MLPS["another operator"][0], W)
     with pytest.raises(
-        MissingExtraError, match=r"policy.onnx: .*operator Softmax.*extra `onnxruntime`"
+        MissingExtraError, match=r"policy.onnx: .*operator 'Softmax'.*extra `onnxruntime`"
     ) as caught:
         loaded(made.SerializeToString())
     assert "\n" not in str(caught.value)
