@@ -213,7 +213,7 @@ def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) ->
 
 def _advice(longest_m: float) -> str:
     if longest_m < LEAST_WORTH_M:
-        return "No option helps: there is hardly room for this robot; a narrower one may have it"
+        return "No option helps: there is hardly room to walk and turn"
     return f"Shorter paths may be had: --min-length-m {0.8 * longest_m:.1f} --min-crossings 0"
 
 

@@ -113,8 +113,13 @@ def missing(bench: Bench, row: Row) -> str:
         return f"the data has {len(bench.scenes)} training scenes"
     for walks in row.policy.robots:
         if not _datasets(bench, walks):
-            return f"no data of {walks}"
+            return no_data(walks)
     return ""
+
+
+def no_data(walks: str) -> str:
+    """Return what is said of a row whose walks, as `robot/controller`, are not at hand."""
+    return f"no data of {walks}"
 
 
 def _datasets(bench: Bench, walks: str) -> list[Path]:
@@ -234,7 +239,7 @@ def _run_of(bench: Bench, training: Training) -> Path:
     """Return the run folder whose training episodes DAgger walks."""
     found = _datasets(bench, training.robots[0])
     if not found:
-        raise CellError(f"{bench.data}: no data of {training.robots[0]}")
+        raise CellError(f"{bench.data}: {no_data(training.robots[0])}")
     return found[0].parents[1]
 
 

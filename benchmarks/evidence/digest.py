@@ -39,7 +39,7 @@ def collect(
         bench: data and outputs.
         tables: all of them.
         missing: why a row cannot be measured with the data at hand, by its cell's name for seed 0.
-        published: content of the compact file so far.
+        published: content of the compact file so far, whose notes stay.
 
     Raises:
         InputError: A results file does not hold the episodes that were asked for, or a table's
@@ -65,6 +65,7 @@ def collect(
         "episodes": [[e.split, e.scene_id, e.trajectory_id, e.episode_id] for e in episodes],
         "seeds": list(bench.settings.seeds),
         "missing": dict(missing),
+        "notes": list(published.get("notes", ())) if published else [],
         "cells": cells,
     }
     return _with_published(value, published, tables) if published else value

@@ -4,6 +4,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from benchmarks.evidence.cells import no_data
 from benchmarks.evidence.digest import (
     SAME_LOSS,
     data_of_cells,
@@ -17,7 +18,7 @@ from benchmarks.evidence.judge import (
     mean_interval,
     verdict,
 )
-from benchmarks.evidence.records import Claim, Table
+from benchmarks.evidence.records import Claim, Row, Table, Training
 from vlnpe.evaluation.results import COLUMNS, decimals
 from vlnpe.learning.ablation.intervals import Difference
 
@@ -62,6 +63,13 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
     judged = {n: [_judged(value, table, c) for c in table.claims] for n, table in tables.items()}
     measured = _measured(value, tables)
     others = other_collections(value, tables)
+    trained = {
+        walks
+        for table in tables.values()
+        for row in table.rows
+        if row.cell(0) in value["cells"] and isinstance(row.policy, Training)
+        for walks in row.policy.robots
+    }
     corrected = (
         f", and {rounds} rounds of DAgger with {settings['dagger_episodes']} walks each, followed "
         "by as many steps"
@@ -72,11 +80,12 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
         f"episodes in {len(scenes)} unseen scenes ({scenes[0]} … {scenes[-1]}), one instruction "
         f"each. Every training: {train['steps']} steps of {train['batch']} episodes, images of "
         f"{train['size_px']} px{corrected if rounds else ''}.\n",
+        *(f"{note}\n" for note in value.get("notes", ())),
         "## Summary\n",
         _summary(value, tables, judged),
         *(f"![{text}]({name})\n" for name, text in _CAPTIONS.items() if name in figures),
         *(
-            _section(value, table, judged[n], measured, others.get(n, []))
+            _section(value, table, judged[n], measured, others.get(n, []), trained)
             for n, table in tables.items()
         ),
         _sources(value, tables),
@@ -116,12 +125,19 @@ def _measured(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str
     return found
 
 
+def _reason(value: Mapping[str, Any], row: Row, trained: Collection[str]) -> str:
+    """Return why a row is not measured; empty if other cells were trained on the data it lacks."""
+    reason = value["missing"].get(row.cell(0), "")
+    return "" if reason in {no_data(walks) for walks in trained} else reason
+
+
 def _section(
     value: Mapping[str, Any],
     table: Table,
     judged: list[tuple[str, str]],
     measured: Mapping[str, str],
     others: list[str],
+    trained: Collection[str],
 ) -> str:
     heads = [f"{name} [{COLUMNS[name][0]}]" for name in SHOWN]
     rows = [
@@ -130,9 +146,7 @@ def _section(
         if row.cell(0) in measured
     ]
     lacking = {
-        row.label: value["missing"].get(row.cell(0), "")
-        for row in table.rows
-        if row.cell(0) not in measured
+        row.label: _reason(value, row, trained) for row in table.rows if row.cell(0) not in measured
     }
     claims = [
         f"| {claim.text} ({claim.more} − {claim.less}) | {shown} | {found} |"

@@ -121,6 +121,21 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
     assert command.main(arguments, commands) == 0 and not commands.calls
     again = (tmp_path / "docs" / "evidence.md").read_text()
     assert again == text
+    # A note stays, and data that measured cells were trained on is not said to be missing.
+    file = tmp_path / "docs" / "evidence.json"
+    value = json.loads(file.read_text())
+    value["notes"] = ["Measured on a Sunday."]
+    value["missing"]["cma-s0--h1-flash-baked"] = "no data of vlnce/flash"
+    file.write_text(json.dumps(value))
+    assert command.main([*arguments, "--only-page"]) == 0
+    noted = (tmp_path / "docs" / "evidence.md").read_text()
+    assert "Measured on a Sunday." in noted and "no data of vlnce/flash" not in noted
+    assert "H1, flash" in noted
+    assert command.main(arguments, commands) == 0
+    assert json.loads(file.read_text())["notes"] == ["Measured on a Sunday."]
+    value["notes"] = []
+    file.write_text(json.dumps(value))
+    assert command.main(arguments, commands) == 0
     assert command.main([*arguments, "--only-page"]) == 0
     assert (tmp_path / "docs" / "evidence.md").read_text() == text
 
