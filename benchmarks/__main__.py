@@ -28,11 +28,12 @@ from benchmarks import (
     scaling,
     training,
 )
+from benchmarks.fuzz import report as fuzz
 from benchmarks.throughput import page as throughput
 from benchmarks.writing import obvious, write
 from vlnpe.formats.core.errors import did_you_mean
+from vlnpe.formats.core.threads import available_cores
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
-from vlnpe.pipeline.engine.executors.base import available_cores
 
 ROOT = Path(__file__).resolve().parents[1]
 SCANS = (ROOT.parent / "shared" / "scenes" / "small_house.glb",)
@@ -53,6 +54,7 @@ SECTIONS: dict[str, Callable[[Path], str]] = {
     "closed_loop": closed_loop.report,
     "durability": durability.report,
     "scaling": scaling.report,
+    "fuzz": fuzz.report,
 }
 HEADER = """# Benchmarks
 

@@ -86,7 +86,7 @@ def _row(robot: str, world: str, timing: Timing, empty: Timing, act_us: str) -> 
 
 
 def _episodes(bundle: SceneBundle, radius_m: float) -> list[Episode]:
-    config = SampleConfig(count=EPISODES).for_radius(max(radius_m, SampleConfig.robot_radius_m))
+    config = SampleConfig(count=EPISODES, robot_radius_m=max(radius_m, SampleConfig.robot_radius_m))
     return sample_episodes(bundle, config, np.random.default_rng(0)).episodes
 
 

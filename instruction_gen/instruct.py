@@ -211,7 +211,11 @@ def with_texts(
 ) -> Episode:
     """Return the episode with its texts and a record of how they were made."""
     records = [
-        {key: list(v) if isinstance(v, tuple) else v for key, v in asdict(one).items()}
+        {
+            key: list(v) if isinstance(v, tuple) else v
+            for key, v in asdict(one).items()
+            if v or key != "english"
+        }
         for one in texts
     ]
     asked = config.llm if config else None

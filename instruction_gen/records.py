@@ -74,6 +74,7 @@ class WrittenText:
         landmarks: names of the scene's objects it speaks of, where the writer says so.
         attempts: drafts it took.
         model: of a language model, "" otherwise.
+        english: the same in English, of a text in another language.
     """
 
     text: str
@@ -83,3 +84,4 @@ class WrittenText:
     landmarks: tuple[str, ...] = ()
     attempts: int = 1
     model: str = ""
+    english: str = ""

@@ -26,6 +26,8 @@ MAKING = (
 )
 # Of an instruction; models and prompts are those of a language model, where one wrote it.
 WRITING = ("composer", "model", "prompt_sha256", "temperature")
+# Of the vision-language model that named things for an instruction, where one did.
+SEEING = ("vision_model", "vision_prompt_sha256")
 
 
 def episode_facts(rollout: Rollout) -> dict[str, Any]:
@@ -35,7 +37,8 @@ def episode_facts(rollout: Rollout) -> dict[str, Any]:
         "rollout": {key: rollout.facts.get(key) for key in MAKING}
         # Settings are many numbers, and the same for all episodes of a run.
         | {"controller_sha256": digest(rollout.facts.get("controller_config"))},
-        "instruction": {key: written.get(key) for key in WRITING},
+        "instruction": {key: written.get(key) for key in WRITING}
+        | {key: written[key] for key in SEEING if key in written},
     }
 
 
@@ -59,6 +62,7 @@ def provenance(
     """
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
+    recorded = (*WRITING, *(key for key in SEEING if any(key in one for one in written)))
     made = {
         key: _distinct(rollout[key] for rollout in rollouts)
         for key in (*MAKING, "controller_sha256")
@@ -72,7 +76,7 @@ def provenance(
         "seeds": {"run": options.get("seed"), "replay": made.pop("seed")},
         "policy_sha256": made.pop("policy_sha256"),
         "replay": made,
-        "instructions": {key: _counted(one[key] for one in written) for key in WRITING},
+        "instructions": {key: _counted(one.get(key) for one in written) for key in recorded},
         "encoding": dict(encoding),
         **facts,
     }

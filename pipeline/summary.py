@@ -80,7 +80,10 @@ def show_summary(
     stream.write(looking_commands(ledger, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"
-        stream.write(f"\n{quarantined} items were quarantined; see {path} for the reasons\n")
+        stream.write(
+            f"\n{quarantined} items were quarantined; see {path} for the reasons. The others are "
+            "kept;\nthe same command with --retry-quarantined runs these again\n"
+        )
     return code
 
 

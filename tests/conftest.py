@@ -1,8 +1,11 @@
 """Fixtures shared by all tests."""
 
 import re
-from collections.abc import Callable, Iterator
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -10,6 +13,7 @@ from hypothesis import HealthCheck, settings
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
+from vlnpe.pipeline.engine.executors.attempts import keep_mujoco_from_writing
 
 # Speed belongs to benchmarks: a busy machine must not fail a test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -17,10 +21,15 @@ settings.load_profile("busy")
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 
-# What the core environment lacks: libraries of the extras and of the group `dev`.
+# What the core environment lacks: libraries of extras and of the group `dev`. A file that imports
+# one of the first is left out, whereas tests skip themselves where one of the others is missing.
+LIBRARIES = (
+    "torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime|rsl_rl|huggingface_hub"
+    "|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
+)
+HIDDEN = {*LIBRARIES.split("|"), "msgpack", "ray", "safetensors", "selenium", "submitit"}
 NOT_CORE = re.compile(
-    r"^\s*(?:import|from) (?:torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime"
-    r"|rsl_rl|huggingface_hub|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
+    rf"^\s*(?:import|from) (?:{LIBRARIES}"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned|benchmarks\.evidence\.judge",
@@ -33,6 +42,28 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--core", action="store_true", help="leave out test files that need more than the core"
     )
+
+
+class CoreFinder(PathFinder):
+    """Finds, in any environment, no more than the core environment holds."""
+
+    @classmethod
+    def find_spec(
+        cls,
+        fullname: str,
+        path: Sequence[str] | None = None,
+        target: ModuleType | None = None,
+    ) -> ModuleSpec | None:
+        found = super().find_spec(fullname, path, target)
+        # A test may write a stand-in.
+        installed = found and "site-packages" in (found.origin or "")
+        return None if installed and fullname.partition(".")[0] in HIDDEN else found
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """With `--core`, hide the other libraries, which tests would use where they are installed."""
+    if config.getoption("--core"):
+        sys.meta_path[sys.meta_path.index(PathFinder)] = CoreFinder
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
@@ -77,6 +108,14 @@ def _threads_stay_ordinary(_make_threads_ordinary: Callable[[], None]) -> Iterat
     _make_threads_ordinary()
     yield
     _make_threads_ordinary()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_mujoco_log() -> None:
+    """Keep MuJoCo, whose warnings some tests provoke, from writing MUJOCO_LOG.TXT where we are."""
+    import mujoco  # noqa: F401 - so that it is loaded
+
+    keep_mujoco_from_writing()
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """What to sample."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ..formats.core.errors import InputError, check_name
 from ..formats.scene import FULL_HEIGHT_M
@@ -23,7 +23,8 @@ class SampleConfig:
             such paths, tighter ones down to `robot_radius_m` are taken [m].
         free_height_m: free height above every point of a path; less than `FULL_HEIGHT_M` lets
             paths for low robots lead under tables [m].
-        end_clearance_m: clearance of starts and goals, room to turn on the spot [m].
+        end_clearance_m: clearance of starts and goals, room to turn on the spot; a robot that is
+            wider has `ends_m` [m].
         clearance_preference: cost of a metre that grazes an obstacle, relative to one in the open.
         comfort_m: clearance beyond the radius above which more is no better [m].
         min_length_m: least geodesic distance from start to goal, as in `info` of the episodes; the
@@ -81,10 +82,10 @@ class SampleConfig:
             raise InputError(
                 f"lengths {self.min_length_m} … {self.max_length_m} m; valid: 0 < min < max"
             )
-        if not 0 < self.robot_radius_m <= self.end_clearance_m:
+        if not (self.robot_radius_m > 0 and self.end_clearance_m > 0):
             raise InputError(
                 f"robot radius {self.robot_radius_m} m and end clearance {self.end_clearance_m} m; "
-                "valid: 0 < radius ≤ end clearance"
+                "valid: above 0"
             )
         check_free_height(self.free_height_m)
         if not (self.min_gap_m > 0 and self.family_gap_m > 0):
@@ -97,10 +98,10 @@ class SampleConfig:
                 "and at least 0"
             )
 
-    def for_radius(self, radius_m: float) -> "SampleConfig":
-        """Return the same for a robot of another radius [m], with room for it at both ends."""
-        ends_m = max(SampleConfig.end_clearance_m, radius_m)
-        return replace(self, robot_radius_m=radius_m, end_clearance_m=ends_m)
+    @property
+    def ends_m(self) -> float:
+        """Clearance of starts and goals for this robot [m]."""
+        return max(self.end_clearance_m, self.robot_radius_m)
 
 
 def check_free_height(free_height_m: float) -> None:

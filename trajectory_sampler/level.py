@@ -57,7 +57,7 @@ def open_level(
     freemap = bundle.freemap(index).for_height(config.free_height_m)
     # Diagonal steps need both side cells, so neighbours by edges are what can be walked.
     parts = np.asarray(label(freemap.free(radius_m), connectivity=1))
-    ends = freemap.free(config.end_clearance_m)
+    ends = freemap.free(config.ends_m)
     long_enough = [
         part
         for part in range(1, int(parts.max(initial=0)) + 1)
@@ -97,7 +97,7 @@ def room_hops(regions: RegionMap) -> NDArray[np.int64]:
     return np.where(np.isfinite(hops), hops, _FAR).astype(np.int64)
 
 
-def longest_way(freemap: Freemap, radius_m: float, end_clearance_m: float) -> tuple[float, float]:
+def longest_way(freemap: Freemap, radius_m: float, ends_m: float) -> tuple[float, float]:
     """Return the area [m²] of the largest connected free floor and about its longest way [m].
 
     The way is a lower bound: the place farthest from any place is one end of a long way.
@@ -106,7 +106,7 @@ def longest_way(freemap: Freemap, radius_m: float, end_clearance_m: float) -> tu
     if not parts.any():
         return 0.0, 0.0
     sizes = np.bincount(parts.ravel())[1:]
-    cells = (parts == 1 + int(np.argmax(sizes))) & freemap.free(end_clearance_m)
+    cells = (parts == 1 + int(np.argmax(sizes))) & freemap.free(ends_m)
     return float(sizes.max()) * freemap.grid.cell_m**2, _sweep(freemap, cells, radius_m, np.inf)
 
 

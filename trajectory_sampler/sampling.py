@@ -10,6 +10,7 @@ import numpy as np
 from ..formats.core.episode import Episode
 from ..formats.core.errors import SceneError
 from ..formats.scene.bundle import SceneBundle
+from ..formats.scene.freemap import Freemap
 from .candidates import Candidate, Kept, from_one_start
 from .config import SampleConfig
 from .level import Level, longest_way, open_level, regions_of
@@ -200,21 +201,33 @@ def _episodes(
 def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) -> str:
     levels = range(len(bundle.level_floor_z_m))
     maps = [bundle.freemap(k).for_height(config.free_height_m) for k in levels]
-    found = [longest_way(one, config.robot_radius_m, config.end_clearance_m) for one in maps]
-    area, longest = max(found, key=lambda one: one[1], default=(0.0, 0.0))
+    radius_m = config.robot_radius_m
+    area, longest = _longest(maps, radius_m, config.ends_m)
     floor = f"connected floor of {area:.1f} m²" if area >= 0.05 else "no floor so wide"
     return (
         f"{bundle.scene_id}: no episode of {config.min_length_m:g} … {config.max_length_m:g} m: "
-        f"the longest way with {config.robot_radius_m:.2f} m of clearance along the way and "
-        f"{config.end_clearance_m:.2f} m at both ends, to turn on the spot, is about "
-        f"{longest:.1f} m, on {floor}; {result.summary}. {_advice(longest)}"
+        f"the longest way with {radius_m:.2f} m of clearance along the way and "
+        f"{config.ends_m:.2f} m at both ends (--end-clearance-m), to turn on the spot, is about "
+        f"{longest:.1f} m, on {floor}; {result.summary}. "
+        + _advice(longest, _longest(maps, radius_m, radius_m)[1], radius_m)
     )
 
 
-def _advice(longest_m: float) -> str:
+def _longest(maps: Sequence[Freemap], radius_m: float, ends_m: float) -> tuple[float, float]:
+    """Return the area [m²] of the floor with the longest way of all levels, and its length [m]."""
+    found = [longest_way(one, radius_m, ends_m) for one in maps]
+    return max(found, key=lambda one: one[1], default=(0.0, 0.0))
+
+
+def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
+    """Say which options help, by the longest way now and with ends no wider than the robot [m]."""
+    if with_tight_ends_m < LEAST_WORTH_M:
+        return "No option helps: there is hardly room to walk"
+    help_text, way_m = "Shorter paths may be had:", longest_m
     if longest_m < LEAST_WORTH_M:
-        return "No option helps: there is hardly room to walk and turn"
-    return f"Shorter paths may be had: --min-length-m {0.8 * longest_m:.1f} --min-crossings 0"
+        help_text = f"Less room to turn gives shorter paths: --end-clearance-m {radius_m:g}"
+        way_m = with_tight_ends_m
+    return f"{help_text} --min-length-m {0.8 * way_m:.1f} --min-crossings 0"
 
 
 def _warn(

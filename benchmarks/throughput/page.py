@@ -16,27 +16,7 @@ from benchmarks.throughput.runs import (
 )
 
 KEPT = ROOT / "runs" / "bench" / "throughput.json"
-HISTORY = """History: small_house, Aliengo, 48 episodes in a prepared scene, two cores (idle for
-episodes/h; Xeon, Sapphire Rapids, except for the first line):
-
-| what | episodes/h | render stage s | drawing, CPU-ms a frame |
-| --- | ---: | ---: | ---: |
-| packets of rays, one kernel | 3,430 | 37.6 | 21 |
-| a kernel in steps that count references to arrays | 1,850 | 80.7 | 53 |
-| kernels without reference counting | | | 15 |
-| texture filter and light look-up as vector code, edges, H.264 `superfast` | 4,680 | 26.0 | 12 |
-
-Since then an episode goes through one worker (no stage waits for another, no depth is decoded for
-MCAP), MCAP has zstd level 1 and H.264 `ultrafast`. On one idle machine (AMD EPYC, two cores),
-before and after: 5,572 and 5,636 episodes/h, then 5,858 (one run); 22.6 and 22.3, then 21.6 CPU-ms
-a frame. Importing what a worker needs takes 1.2 instead of 1.8 CPU-s, for what is known of modules
-is kept. No gain: prefetching texels and triangles (9.4 instead of 9.5 ms a frame), x265 with other
-motion search, merging, intra modes, filters, instruction sets (3.2 to 3.5 ms a frame, of which an
-empty picture takes 1.1).
-
-On a slower EPYC, idle, held to as many cores as workers, with scans and repairs in threads: one
-worker 2,686, two 4,876 and 4,999 episodes/h, 1.82 and 1.86 times as many (25, 26 CPU-ms a frame).
-"""
+HISTORY = Path(__file__).with_name("history.md")
 
 
 def keep(kind: str, measured: dict[str, Any]) -> None:
@@ -92,7 +72,7 @@ def section() -> str:
             + " |",
             "",
         ]
-    return "\n".join([*lines, HISTORY])
+    return "\n".join([*lines, HISTORY.read_text()])
 
 
 def _run_line(run: dict[str, Any]) -> str:

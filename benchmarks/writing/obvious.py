@@ -32,12 +32,13 @@ from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.frames import OPTICAL_TO_OPENGL, matrix_to_quat, quat_to_matrix
 from vlnpe.formats.core.rollout import Rollout
+from vlnpe.formats.core.threads import available_cores
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.rendered.folder import FrameFolder, read_frame_folder
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.attempts import attempt_chain
-from vlnpe.pipeline.engine.executors.base import Workers, available_cores
+from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.jobs.export import UnitJob
 from vlnpe.pipeline.jobs.render import RenderJob

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from vlnpe.formats.core.rollout import Rollout
+from vlnpe.formats.core.threads import available_cores
 from vlnpe.formats.lerobot import assemble_dataset, write_episode_unit
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.rendered.folder import FrameFolder, read_frame_folder
@@ -36,7 +37,6 @@ from vlnpe.formats.video.mp4 import (
     write_depth_video,
     write_rgb_video,
 )
-from vlnpe.pipeline.engine.executors.base import available_cores
 from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = 24

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.frames import wrap_angle
+from ...formats.core.geometry import distances_to_path
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
@@ -147,7 +148,8 @@ def follow_paths(
         trial.leave(late)
         if round(trial.time_s / STEP_S) % 10 == 0:
             off += [
-                distance_to(paths[i], trial.position_m[i, :2]) for i in np.flatnonzero(trial.going)
+                float(distances_to_path(trial.position_m[i : i + 1, :2], paths[i])[0])
+                for i in np.flatnonzero(trial.going)
             ]
     goals = np.array([p[-1] for p in paths])
     near = np.linalg.norm(trial.position_m[:, :2] - goals, axis=1) <= outcome.success_m
@@ -159,14 +161,6 @@ def follow_paths(
         "distance_to_path_mean_m": float(np.mean(off)) if off else math.nan,
         "seconds_mean": float(np.mean(drivers.done_s[reached])) if reached.any() else math.nan,
     }
-
-
-def distance_to(path: Array, point: Array) -> float:
-    """Return the distance [m] of a point (2,) to a polyline (P, 2)."""
-    start, along = path[:-1], np.diff(path, axis=0)
-    share = np.einsum("pi,pi->p", point - start, along) / np.einsum("pi,pi->p", along, along)
-    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
-    return float(np.linalg.norm(nearest - point, axis=1).min())
 
 
 def action_errors(

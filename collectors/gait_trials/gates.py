@@ -6,6 +6,8 @@ from typing import Any
 
 # How discrete actions may be carried out; both are measured, the second one is judged.
 TIMED, CLOSED_LOOP = "actions_timed", "actions_closed_loop"
+# Of time before the end of a trial: a step of the policy, in which it ends, and more.
+LAST_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -20,6 +22,8 @@ class Gate:
         tables: parts of the table that hold it; the worst of them counts. A trailing * stands for
             all parts that begin so.
         key: the number's name there.
+        trial_s: how long trials were watched, where the number is a time that may not be over by
+            their end [s].
     """
 
     name: str
@@ -28,6 +32,7 @@ class Gate:
     at_least: bool
     tables: tuple[str, ...]
     key: str
+    trial_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -69,6 +74,8 @@ class GateResult:
         measured = "not measured"
         if self.measured is not None:
             measured = form.format(scale * self.measured) + unit
+            if self.gate.trial_s is not None and self.measured > self.gate.trial_s - LAST_S:
+                measured = f"not in {self.gate.trial_s:g}{unit}"
         mark = "✓" if self.passed else "✗"
         limit = form.format(scale * self.limit) + unit
         return f"{mark} {self.name:<44} {measured:>14}  {sign} {limit}"
@@ -86,7 +93,7 @@ GATES: tuple[Gate, ...] = (
     Gate("survived pushes of 0.5 m/s for 20 s", "%", 0.95, True, ("pushes",), "survived"),
     Gate("12 m paths reached, 60 ms late", "%", 0.90, True, ("paths_60ms_late",), "reached"),
     Gate("upright 3 s after a stop at speed", "%", 0.99, True, ("stopping",), "upright"),
-    Gate("at rest after a stop, 99 %", "s", 1.5, False, ("stopping",), "rest_s_p99"),
+    Gate("time to rest, 99 % of stops", "s", 1.5, False, ("stopping",), "rest_s_p99", trial_s=3.0),
     Gate("slip of feet on the ground", "m/s", 0.1, False, ("grid_*",), "foot_slip_m_s"),
 )
 

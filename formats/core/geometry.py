@@ -69,6 +69,16 @@ def point_along(path_m: ArrayLike, along_m: ArrayLike) -> NDArray[np.float64]:
     return np.stack([np.interp(along, at, path[:, k]) for k in range(path.shape[1])], axis=-1)
 
 
+def distances_to_path(points_m: ArrayLike, path_m: ArrayLike) -> NDArray[np.float64]:
+    """Return the distances (N,) [m] of points (N, D) [m] to the line through a path (P, D) [m]."""
+    path = np.asarray(path_m, dtype=np.float64)
+    starts, along = path[:-1], np.diff(path, axis=0)
+    to = np.asarray(points_m, dtype=np.float64)[:, None] - starts
+    share = (to * along).sum(axis=2) / np.maximum((along**2).sum(axis=1), 1e-12)
+    off = to - np.clip(share, 0.0, 1.0)[..., None] * along
+    return np.linalg.norm(off, axis=2).min(axis=1)
+
+
 def resample(path_m: ArrayLike, spacing_m: float) -> NDArray[np.float64]:
     """Divide each segment of a path (P, D) [m] evenly so that none is longer than `spacing_m`.
 

@@ -1,9 +1,13 @@
-"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute."""
+"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute.
+
+Elsewhere what is done in no time is told in one line.
+"""
 
 import os
 import sys
 import time
 from collections.abc import Iterable
+from threading import Timer
 from typing import Any
 
 from tqdm import tqdm
@@ -11,6 +15,7 @@ from tqdm import tqdm
 _BAR = "{desc} {percentage:3.0f}%|{bar}| {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 _LINE = "{desc} {percentage:3.0f}% {n_fmt}/{total_fmt} [{elapsed}<{remaining}]{postfix}"
 SILENCE_S = 30.0  # a line is written at least this often
+SHORT_S = 2.0  # nothing is written before this, or the end
 WIDEST, UNKNOWN_WIDTH = 100, 80  # columns of a bar; of a terminal that does not say how wide it is
 
 
@@ -25,8 +30,8 @@ def progress_bar(
 ) -> tqdm:
     """Return a progress bar: a context manager with `update`, and an iterator over `items`.
 
-    Where stderr is no terminal, it writes a line at the start, one whenever another tenth is done
-    or `SILENCE_S` have passed, and one for where it was closed.
+    Where stderr is no terminal, it writes a line after `SHORT_S`, one whenever another tenth is
+    done or `SILENCE_S` have passed, and one for where it was closed.
 
     Args:
         name: what is being done.
@@ -59,6 +64,14 @@ class _Lines(tqdm):
     _written = -1
     _told_s = 0.0
 
+    def __init__(self, *args: Any, **options: Any):
+        super().__init__(*args, delay=SHORT_S, **options)
+        # The first item may take minutes.
+        self._first = Timer(SHORT_S, self.refresh)
+        self._first.daemon = True
+        if not self.disable:
+            self._first.start()
+
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Write a line if another tenth is done, or nothing has been written for `SILENCE_S`."""
         tenth = 10 * self.n // self.total if self.total else 10
@@ -69,6 +82,7 @@ class _Lines(tqdm):
 
     def close(self) -> None:
         """Write where it has ended, if no line says so."""
+        self._first.cancel()
         if not self.disable and self.n != self._written:
             self._write()
         self.sp = None  # nothing to overwrite or to finish on the screen

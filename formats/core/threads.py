@@ -4,6 +4,7 @@ A lone item (a big scene) may use the cores that idle workers leave. It runs wha
 each other at the same time; compiled code, images and rays let other threads run meanwhile.
 """
 
+import os
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -12,6 +13,11 @@ from contextvars import ContextVar
 
 # Threads that are started here see the default: what runs in them starts no others.
 _ALLOWED: ContextVar[int] = ContextVar("threads", default=1)
+
+
+def available_cores() -> int:
+    """Return the number of cores this process may use (respects the affinity mask)."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager

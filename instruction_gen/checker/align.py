@@ -318,8 +318,8 @@ class _Aligner:
         turn = self.turns[k]
         through = any(0 <= p - turn.along_m <= _DOOR_AFTER_M for p in self.ground.passages_m)
         # "There is a door on the left. Pop in there."
-        told = through and turn.side in self.doors
-        return 1.0 if abs(turn.angle_deg) >= _CLEAR_DEG and not told else _LOOSE
+        by_door = through and turn.side in self.doors
+        return 1.0 if abs(turn.angle_deg) >= _CLEAR_DEG and not by_door else _LOOSE
 
     def _why(self, claim: Claim) -> str:
         made = max(self.states)

@@ -66,13 +66,15 @@ def _verdict(read: Parse, ground: Ground) -> tuple[float, Verdict]:
     return strength, Verdict(tuple(problems), _spans(read, found), unchecked)
 
 
-def _unchecked(read: Parse, told: set[int]) -> float:
+def _unchecked(read: Parse, claiming: set[int]) -> float:
     """Return the share of words in clauses that make no claim and name nothing known."""
     empty = total = 0
     for k, clause in enumerate(read.clauses):
         words = len(read.text[clause.start : clause.stop].split())
         total += words
-        if k not in told and not any(n.kind in ("object", "room", "door") for n in clause.nouns):
+        if k not in claiming and not any(
+            n.kind in ("object", "room", "door") for n in clause.nouns
+        ):
             empty += words
     return empty / max(1, total)
 

@@ -153,7 +153,7 @@ def found_at(noun: Noun, ground: Ground, verb: str) -> Found | None:
     """Return where what a noun phrase says with its verb is true, None when it claims nothing."""
     prep = noun.prep
     if noun.kind == "unknown":
-        return unknown(noun, ground)
+        return unknown(noun, ground, needed=prep == "past" or (verb == "pass" and not prep))
     if noun.kind == "object":
         return _object(noun, ground, verb, prep)
     if noun.kind == "room":
@@ -219,7 +219,7 @@ def unknown(noun: Noun, ground: Ground, *, needed: bool = False) -> Found | None
     """Return why a phrase with a noun that no landmark has is false, None if it claims nothing.
 
     Args:
-        needed: nothing else says where this is, so it has to be understood.
+        needed: it has to be understood: nothing else says where this is, or one steers by it.
     """
     head = noun.text.split()[-1]
     if not needed and not OTHER_THINGS & {head, singular(head)}:

@@ -168,10 +168,10 @@ def _turn(index: int, clause: Clause, ground: Ground) -> list[Claim]:
             after.append(replace(claim, bends=noun.prep == "around" and claim.kind == "place"))
             beyond = noun.kind == "room" and noun.prep in ("through", "along")
     # "Until you face the door", "turn in there": whether one turns, and where to, is not told.
-    told = bool(clause.side)
+    sided = bool(clause.side)
     turn = Claim(
-        index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree if told else "some",
-        rooms=rooms, maybe=not told,
+        index, "turn", mask, f"turn {clause.side}", clause.side, clause.degree if sided else "some",
+        rooms=rooms, maybe=not sided,
     )  # fmt: skip
     walk = []
     if clause.distance_m:

@@ -29,8 +29,8 @@ def stop_claims(index: int, clause: Clause, parse: Parse, ground: Ground) -> lis
     for noun in clause.nouns:
         passed = clause.verb == "pass" and noun.kind == "object"
         found = ground.stopped_after(noun) if passed else _stop_noun(noun, ground)
-        if noun.kind == "unknown":
-            found = unknown(noun, ground, needed=alone)
+        if noun.kind == "unknown" and alone:
+            found = unknown(noun, ground, needed=True)
         if found is None:
             continue
         if found.reason and clause.unparsed and noun.prep == "past":
@@ -78,7 +78,7 @@ def _stop_noun(noun: Noun, ground: Ground) -> Found | None:
     if noun.kind == "door":
         return ground.stopped_at_door()
     if noun.kind == "unknown":
-        return unknown(noun, ground)
+        return unknown(noun, ground, needed=noun.prep in ("at", "near"))
     return None
 
 

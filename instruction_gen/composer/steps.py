@@ -259,8 +259,8 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
             step.kind == "turn" or (step.kind in _LEADS and not step.room)
         )
         room = _room_at(facts, before + 0.5 * gap)
-        told = step.kind in ("pass", "between", "follow")
-        if room == "hallway" and gap > (2.0 if unmarked else _LONG_M) and not told:
+        beside = step.kind in ("pass", "between", "follow")
+        if room == "hallway" and gap > (2.0 if unmarked else _LONG_M) and not beside:
             result.append(Step("follow", before + 0.2, room=room))
         if unmarked and gap > 1.8:
             result.append(Step("walk", before, far_m=gap))

@@ -1,6 +1,6 @@
 """The landmarks of a path: things near it, as the map and the robot's camera show them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -120,15 +120,14 @@ def _landmark(
     if looked:
         nameable = nameable and best is not None and best.pixels >= _MIN_PIXELS
         nameable = nameable and best is not None and best.occluded <= _MAX_OCCLUDED
-    pixels = dict.fromkeys(range(len(track.along_m)), 0)
+    pixels: dict[int, int] = {}
     for g in glimpses:
         pixels[int(np.argmin(np.abs(track.along_m - g.along_m)))] = g.pixels
-    middle = (0.5 * (shared.low_m[n] + shared.high_m[n])).tolist()
     colour, material = looks_of(thing.category)
     return LandmarkFact(
         name=thing.name,
         noun=noun,
-        room=_room_at(shared, middle, shared.low_m[n], shared.high_m[n]),
+        room=shared.rooms[n],
         colour=colour or (colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
         material=material,
         nameable=bool(nameable),
@@ -145,17 +144,33 @@ def _landmark(
         max_pixels=best.pixels if best else 0,
         occluded=round(best.occluded, 2) if best else 0.0,
         size_m=round(float(max(size[:2].max(), size[2])), 2),
-        moments=tuple(
-            Moment(
-                round(float(track.along_m[i]), 2),
-                round(float(where.distance_m[i, n]), 2),
-                _degrees(where.bearing_rad[i, n]),
-                _degrees(where.facing_rad[i, n]),
-                bool(where.open[i, n]),
-                pixels[i],
-            )
-            for i in np.flatnonzero(near).tolist()
-        ),
+        moments=_moments(track, where, n, np.flatnonzero(near), pixels),
+    )
+
+
+def _moments(
+    track: Track, where: Relations, n: int, at: NDArray[np.intp], pixels: Mapping[int, int]
+) -> tuple[Moment, ...]:
+    """Return where box `n` is at some samples of the track, whose `pixels` are 0 by default."""
+    columns = zip(
+        at.tolist(),
+        track.along_m[at].tolist(),
+        where.distance_m[at, n].tolist(),
+        np.rad2deg(where.bearing_rad[at, n]).tolist(),
+        np.rad2deg(where.facing_rad[at, n]).tolist(),
+        where.open[at, n].tolist(),
+        strict=True,
+    )
+    return tuple(
+        Moment(
+            round(along, 2),
+            round(distance, 2),
+            round(bearing, 1),
+            round(facing, 1),
+            clear,
+            pixels.get(i, 0),
+        )
+        for i, along, distance, bearing, facing, clear in columns
     )
 
 
@@ -188,16 +203,6 @@ def _looked(track: Track, glimpses: Sequence[Glimpse]) -> NDArray[np.bool_]:
     for glimpse in glimpses:
         mask |= np.abs(track.along_m - glimpse.along_m) <= 0.26
     return mask
-
-
-def _room_at(
-    shared: LevelFacts, middle: list[float], low: NDArray[np.float64], high: NDArray[np.float64]
-) -> str:
-    """Return the room of a box: that of most of a few places in and around it."""
-    xs, ys = (np.linspace(a - 0.25, b + 0.25, 5) for a, b in zip(low, high, strict=True))
-    found = shared.regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)).ravel()
-    found = found[found >= 0]
-    return shared.names[int(np.bincount(found).argmax())] if len(found) else ""
 
 
 def _degrees(angle_rad: float) -> float:

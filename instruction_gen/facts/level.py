@@ -9,7 +9,7 @@ from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
 from .doors import DOOR, doorways, openings_of
-from .rooms import room_names
+from .rooms import room_names, rooms_of_boxes
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,7 @@ class LevelFacts:
         things: objects with a noun, and the doorways.
         nouns: their nouns.
         low_m, high_m: (N, 2) their boxes [m].
+        rooms: the room each stands in, "" when unknown.
         names: room name of each region.
         openings: of each region, each as the names of the rooms behind it.
         unnamed: labels that no noun is known for, with how many objects have them.
@@ -32,6 +33,7 @@ class LevelFacts:
     nouns: tuple[str, ...]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
+    rooms: tuple[str, ...]
     names: tuple[str, ...]
     openings: tuple[tuple[tuple[str, ...], ...], ...]
     unnamed: dict[str, int]
@@ -63,8 +65,8 @@ class LevelFacts:
             for of_room in openings_of(regions)
         )
         return LevelFacts(
-            bundle, level, regions, tuple(things), tuple(nouns), low, high, names,
-            openings, unnamed,
+            bundle, level, regions, tuple(things), tuple(nouns), low, high,
+            rooms_of_boxes(regions, names, low, high), names, openings, unnamed,
         )  # fmt: skip
 
 

@@ -50,3 +50,16 @@ def room_names(regions: RegionMap, things: Sequence[LabeledObject]) -> tuple[str
             nouns = inside.get(k, set())
             names[k] = next((room for noun, room in _CALLED_BY.items() if noun in nouns), "")
     return tuple(names)
+
+
+def rooms_of_boxes(
+    regions: RegionMap, names: Sequence[str], low_m: Array, high_m: Array
+) -> tuple[str, ...]:
+    """Return the room of each box (N, 2) [m]: that of most of a few places in and around it."""
+    result = []
+    for low, high in zip(low_m - 0.25, high_m + 0.25, strict=True):
+        xs, ys = np.linspace(low, high, 5).T
+        found = regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)).ravel()
+        found = found[found >= 0]
+        result.append(names[int(np.bincount(found).argmax())] if len(found) else "")
+    return tuple(result)

@@ -5,7 +5,7 @@ The grammar reads word by word; `make a turn to the left` and `come to rest` are
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 
 from .tokens import Token
 
@@ -82,7 +82,7 @@ def plainer(tokens: Sequence[Token]) -> list[Token]:
     result: list[Token] = []
     k = 0
     while k < len(tokens):
-        for pattern, instead in _table():
+        for pattern, instead in _beginning_with(tokens[k].text):
             met = _met(pattern, tokens, k)
             if met is None:
                 continue
@@ -108,17 +108,31 @@ def _openers(tokens: list[Token]) -> list[Token]:
     return result
 
 
+_Pattern = tuple[tuple[frozenset[str], bool], ...]
+
+
+@lru_cache(maxsize=4096)
+def _beginning_with(word: str) -> tuple[tuple[_Pattern, tuple[str, ...]], ...]:
+    """Return the idioms that may begin with a word, in order."""
+    return tuple(one for one in _table() if _may_begin(one[0], word))
+
+
+def _may_begin(pattern: _Pattern, word: str) -> bool:
+    for options, optional in pattern:
+        if word in options or not optional:
+            return word in options
+    return False
+
+
 @cache
-def _table() -> tuple[tuple[tuple[tuple[frozenset[str], bool], ...], tuple[str, ...]], ...]:
+def _table() -> tuple[tuple[_Pattern, tuple[str, ...]], ...]:
     def word(part: str) -> tuple[frozenset[str], bool]:
         return frozenset(part.rstrip("?").split("|")), part.endswith("?")
 
     return tuple((tuple(map(word, p.split())), tuple(i.split())) for p, i in _IDIOMS)
 
 
-def _met(
-    pattern: Sequence[tuple[frozenset[str], bool]], tokens: Sequence[Token], k: int
-) -> tuple[list[str], int] | None:
+def _met(pattern: _Pattern, tokens: Sequence[Token], k: int) -> tuple[list[str], int] | None:
     """Return the words that a pattern matches at token `k` ("" if omitted), and how many tokens."""
     words: list[str] = []
     at = k

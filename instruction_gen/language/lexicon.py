@@ -4,6 +4,8 @@ A label of a scan reaches a text only through these tables: a label with a word 
 them names no landmark. So labels stay data, whatever they say.
 """
 
+from functools import lru_cache
+
 # canonical noun = synonyms < kinds it may also be called; a comma goes on in the next line.
 _OBJECTS = """
 sofa=sectional,divan,chesterfield,futon,three-seater,
@@ -310,6 +312,7 @@ OBJECTS = _table(_OBJECTS)
 ROOMS = _table(_ROOMS)
 
 
+@lru_cache(maxsize=4096)
 def singular(word: str) -> str:
     """Return the singular: `chairs` → `chair`; a word that only looks like a plural stays."""
     if word in _IRREGULAR:

@@ -43,6 +43,10 @@ def parse(text: str) -> Parse:
     return _Reader(text).read()
 
 
+# By their first word, in order.
+_PHRASES = {first: [one for one in PHRASES if one[0][0] == first] for (first, *_), _ in PHRASES}
+
+
 class _Reader(SideReader):
     """Reads a text token by token; what the methods share is in `Cursor`."""
 
@@ -139,7 +143,7 @@ class _Reader(SideReader):
     # prepositions, distances, verbs -----------------------------------------------------------
 
     def _prep_phrase(self) -> bool:
-        for words, meaning in PHRASES:
+        for words, meaning in _PHRASES.get(self.tokens[self.k].text, ()):
             there = tuple(t.text for t in self.tokens[self.k : self.k + len(words)])
             if there == words:
                 if meaning:

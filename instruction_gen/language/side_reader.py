@@ -180,8 +180,8 @@ class SideReader(Cursor):
             return after == "and" and self._beside_noun("")
         last = self.draft.nouns[-1]
         kept = KEEP & {t.text for t in self.tokens[max(0, last.start - 2) : last.start]}
-        told = self.draft.verb in ("", "see") and last.prep in ("", "with")
-        return last.kind in ("object", "door") and not last.side and (told or bool(kept))
+        shown = self.draft.verb in ("", "see") and last.prep in ("", "with")
+        return last.kind in ("object", "door") and not last.side and (shown or bool(kept))
 
     def _by_you(self) -> bool:
         """Take `behind you` or `next to you`, which say where the thing named before is."""

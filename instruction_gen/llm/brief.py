@@ -10,6 +10,9 @@ from typing import Any
 from ..facts.records import LandmarkFact, PathFacts
 from ..language.nouns import spoken
 
+WRITING_PROMPTS = ("system", "examples", "repair")
+SIGHT_PROMPTS = ("sight",)  # of `--vision`
+
 _NAMES = {"en": "English", "zh": "Chinese (simplified characters)", "hi": "Hindi"}
 _PASSED_M = 2.2
 _END_M = 2.0
@@ -21,10 +24,10 @@ def prompt(name: str) -> str:
 
 
 @cache
-def prompts_sha256() -> str:
-    """Return the SHA-256 of all prompts."""
+def prompts_sha256(names: tuple[str, ...] = WRITING_PROMPTS) -> str:
+    """Return the SHA-256 of some prompts, by default of those that ask for texts."""
     state = hashlib.sha256()
-    for name in ("system", "examples", "repair"):
+    for name in names:
         state.update(prompt(name).encode())
     return state.hexdigest()
 

@@ -9,6 +9,7 @@ import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 
+from ..checker import Ground, Verdict, check_text
 from ..language.clauses import Noun
 from ..language.lexicon import COLOURS
 from ..language.parse import parse
@@ -29,6 +30,22 @@ from .foreign_words import (
 
 _SIDES = re.compile(r"\b(left|right)\b", re.IGNORECASE)
 _METRES_OFF = 0.6
+
+
+def check_in(language: str, text: str, english: str, ground: Ground) -> Verdict:
+    """Check a text in any language.
+
+    Args:
+        english: the same in English, of a text in another language; "" where there is none.
+    """
+    if language == "en":
+        return check_text(text, ground)
+    if not english:
+        problems = ["there is no English of it to check"]
+    else:
+        problems = foreign_problems(text, language, english)
+        problems = problems or [f"its English: {p}" for p in check_text(english, ground).problems]
+    return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
 
 
 def foreign_problems(text: str, language: str, english: str) -> list[str]:

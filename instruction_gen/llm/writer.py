@@ -1,16 +1,14 @@
 """Texts by a model, each checked; those that fail three times are written by the composer."""
 
-from dataclasses import replace
-
 import numpy as np
 
-from ..checker import Ground, check_text
+from ..checker import Ground
 from ..composer import compose_texts
 from ..records import COMPOSER, InstructConfig, WrittenText
 from .answers import Text
 from .brief import first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
-from .foreign import foreign_problems
+from .foreign import check_in
 
 REPAIRS = 2
 
@@ -47,12 +45,10 @@ class ModelWriter:
         for language in self._config.languages:
             config = self._config
             styles = [config.styles[k % len(config.styles)] for k in range(config.count)]
-            good = self._model_texts(ground, styles, language)
+            good, missing = self._model_texts(ground, styles, language)
             texts = {one.text for one in (*written, *good)}
-            if len(good) < config.count:
-                missing = config.count - len(good)
-                wanted = styles[len(good) :]
-                composed, problems = compose_texts(ground, missing, wanted, rng, texts)
+            if missing:
+                composed, problems = compose_texts(ground, len(missing), missing, rng, texts)
                 self.replaced += len(composed)
                 good += [
                     WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts)
@@ -61,33 +57,39 @@ class ModelWriter:
             written += good
         return written, ([] if written else problems)
 
-    def _model_texts(self, ground: Ground, styles: list[str], language: str) -> list[WrittenText]:
-        messages = first_messages(ground.facts, styles, language)
+    def _model_texts(
+        self, ground: Ground, styles: list[str], language: str
+    ) -> tuple[list[WrittenText], list[str]]:
+        """Return the model's true texts, and the styles in which it wrote none."""
+        messages = first = first_messages(ground.facts, styles, language)
         good: list[WrittenText] = []
+        missing = styles
         for attempt in range(1 + REPAIRS):
             try:
                 answer = self._client.ask(messages)
             except ModelDownError:
                 raise
             except ModelError:
-                return good
+                break
             failed: list[tuple[str, str, list[str]]] = []
-            for text, style in zip(answer.instructions, styles[len(good) :], strict=False):
+            for text, style in zip(answer.instructions, missing, strict=False):
                 problems = self._problems(text, language, ground, good)
                 if problems:
                     self.rejected += 1
                     failed.append((style, text.text[:700], problems))
                     continue
                 model = self._client.settings.model
+                english = "" if language == "en" else text.english
+                words = text.text.strip()
                 good.append(
-                    WrittenText(text.text.strip(), language, style, "llm", (), attempt + 1, model)
+                    WrittenText(words, language, style, "llm", (), attempt + 1, model, english)
                 )
-            if not failed or len(good) >= len(styles):
+            # Those that are asked for again come first: answers have the order of the request.
+            missing = [style for style, _, _ in failed] + missing[len(answer.instructions) :]
+            if not failed:
                 break
-            messages = repair_messages(
-                first_messages(ground.facts, styles, language), failed, attempt + 1
-            )
-        return [replace(one) for one in good]
+            messages = repair_messages(first, failed, attempt + 1)
+        return good, missing
 
     def _problems(
         self, text: Text, language: str, ground: Ground, good: list[WrittenText]
@@ -95,7 +97,4 @@ class ModelWriter:
         words = text.text.strip()
         if any(words == one.text for one in good):
             return ["it repeats another text word for word"]
-        if language == "en":
-            return list(check_text(words, ground).problems)
-        foreign = foreign_problems(words, language, text.english)
-        return foreign or [f"its English: {p}" for p in check_text(text.english, ground).problems]
+        return list(check_in(language, words, text.english, ground).problems)

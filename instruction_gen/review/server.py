@@ -2,7 +2,7 @@
 
 import json
 import secrets
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -15,11 +15,13 @@ import numpy as np
 
 from ...formats.core.episode import Episode
 from ...formats.core.errors import VlnpeError
+from ...formats.scene.bundle import LabeledObject
 from ...formats.scene.visibility import Visibility
 from ...formats.vlnce.files import scene_stem
-from ..checker import Ground, Verdict, check_text
+from ..checker import Ground
 from ..facts import path_facts
 from ..instruct import Levels
+from ..llm.foreign import check_in
 from .decisions import Decision, DecisionFile, agreement
 
 _PAGES = {"/": ("index.html", "text/html"), "/review.js": ("review.js", "text/javascript")}
@@ -37,6 +39,7 @@ class Review:
         decisions: Path,
         films: dict[str, Path] | None = None,
         seen: dict[str, Visibility] | None = None,
+        objects: Mapping[str, Sequence[LabeledObject]] | None = None,
     ):
         """Review the episodes that have texts; one path's episodes are shown once.
 
@@ -46,6 +49,7 @@ class Review:
             decisions: append-only file.
             films: ego film (MP4) of a path, by trajectory id.
             seen: what the robot's camera sees along the paths, by scene.
+            objects: further objects, by scene, where a scan has no labels.
         """
         instructed = [e for e in episodes if e.instruction]
         self.paths = {e.trajectory_id: e for e in reversed(instructed)}
@@ -53,7 +57,7 @@ class Review:
         self.file = DecisionFile(decisions)
         self.films = films or {}
         self._seen = seen or {}
-        self._levels = Levels(scenes)
+        self._levels = Levels(scenes, objects)
         self._grounds: dict[str, Ground] = {}
 
     @cached_property
@@ -76,7 +80,7 @@ class Review:
         facts = self.ground(name).facts
         current = self.file.current()
         texts = []
-        for number, text in enumerate(episode.extra.get("instructions") or [episode.instruction]):
+        for number, text in enumerate(_texts(episode)):
             decided = current.get((name, number), {})
             own = decided.get(annotator)
             shown = own.text if own is not None and own.action == "edit" else text
@@ -84,7 +88,7 @@ class Review:
                 {
                     "original": text,
                     "text": shown,
-                    "verdict": self.check(name, shown),
+                    "verdict": self.check(name, number, shown),
                     "own": own.action if own else "",
                     "reason": own.reason if own else "",
                     "others": sorted(d.action for a, d in decided.items() if a != annotator),
@@ -114,9 +118,17 @@ class Review:
             "agreement": agreement(current),
         }
 
-    def check(self, name: str, text: str) -> dict[str, Any]:
-        """Return the checker's verdict with its clauses."""
-        verdict: Verdict = check_text(text[:2000], self.ground(name))
+    def check(self, name: str, number: int, text: str) -> dict[str, Any]:
+        """Return the verdict on a text in place of a path's text `number`, with its clauses.
+
+        A text in another language than English is compared with the English of the one it replaces.
+        """
+        episode = self.paths[name]
+        original = _texts(episode)[number]
+        records = (episode.extra.get("instruction") or {}).get("texts") or ()
+        record = next((one for one in records if one["text"] == original), {})
+        language, english = record.get("language", "en"), record.get("english", "")
+        verdict = check_in(language, text[:2000], english, self.ground(name))
         return {"problems": list(verdict.problems), "clauses": [list(c) for c in verdict.clauses]}
 
     def decide(self, annotator: str, body: dict[str, Any]) -> None:
@@ -127,13 +139,12 @@ class Review:
             KeyError, IndexError, ValueError: the request is malformed.
         """
         name, number, action = str(body["path"]), int(body["number"]), str(body["action"])
-        episode = self.paths[name]
-        texts = episode.extra.get("instructions") or [episode.instruction]
+        texts = _texts(self.paths[name])
         if number < 0:
             raise IndexError(number)
         text = str(body.get("text", ""))
         if action == "edit":
-            problems = self.check(name, text)["problems"]
+            problems = self.check(name, number, text)["problems"]
             if problems:
                 raise VlnpeError("; ".join(problems))
         reason = str(body.get("reason", ""))[:500]
@@ -197,7 +208,8 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             body = json.loads(self.rfile.read(size))
             if parts.path == "/api/check":
-                self._json(self.review.check(str(body["path"]), str(body["text"])))
+                name, number = str(body["path"]), int(body["number"])
+                self._json(self.review.check(name, number, str(body["text"])))
             elif parts.path == "/api/decide":
                 self.review.decide(str(body["annotator"]).strip()[:60], body)
                 self._json({"ok": True})
@@ -237,6 +249,10 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing: addresses hold the token."""
+
+
+def _texts(episode: Episode) -> list[str]:
+    return episode.extra.get("instructions") or [episode.instruction]
 
 
 def _walls(regions: Any) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """From scans to instructed episodes: `scan` to `repair`, then `sample` or `filter` and `align`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...formats.core.episode import Episode
@@ -79,7 +79,8 @@ def sampled(
     parts = {s: folder.episodes(f"sampled/{s}") for s in planned}
 
     def item(scene: str, radius_m: float) -> WorkItem:
-        wanted, quota = config.for_radius(radius_m), (quotas or {}).get(scene)
+        wanted = replace(config, robot_radius_m=radius_m)
+        quota = (quotas or {}).get(scene)
         folders = (folder.scenes, parts[scene])
         return episodes.sample_item(planned[scene], *folders, wanted, run.seed, quota)
 

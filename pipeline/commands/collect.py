@@ -161,7 +161,7 @@ def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger
     # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
     widest_m = max(robot.footprint_radius_m for robot in robots)
-    return sampling.for_radius(max(sampling.robot_radius_m, widest_m, *before))
+    return replace(sampling, robot_radius_m=max(sampling.robot_radius_m, widest_m, *before))
 
 
 def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:

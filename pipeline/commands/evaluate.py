@@ -137,7 +137,9 @@ def run_evaluate(options: Evaluate) -> int:
             "action_steps": options.action_steps,
             "closed_loop": options.closed_loop,
             "splits": sorted({e.split for e in episodes}),
+            "gait_sha256": replay.gait_digest(config),
             "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
+            "instructions_sha256": digest([e.instruction for e in episodes]),
         }
         value = results_json(setting, results, failed)
         write_json(out / RESULTS_NAME, value)
@@ -181,7 +183,8 @@ def run_compare(options: Compare) -> int:
         value = {**asdict(found), "differences": differences}
         sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
         return 0
-    lines = [
+    lines = [f"warning: {text}" for text in found.warnings]
+    lines += [
         f"{found.common} episodes in both, {found.apart} in one only",
         f"only {names[0]} succeeds: {len(found.lost)}  {', '.join(found.lost[:10])}",
         f"only {names[1]} succeeds: {len(found.won)}  {', '.join(found.won[:10])}",

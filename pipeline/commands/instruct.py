@@ -1,14 +1,16 @@
 """`vlnpe instruct`: texts for the paths of one episode file."""
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.episode import Episode
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
 from ...instruction_gen.instruct import Levels
+from ...instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ...instruction_gen.llm.settings import settings_from
 from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
@@ -16,7 +18,7 @@ from ..engine.context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest, work_item
-from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
+from ..jobs.instructions.instruct import CACHE, OBJECTS, InstructJob, read_facts, read_sights
 from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct
 from ..options.shared import Wording
@@ -24,7 +26,7 @@ from ..stages import instruct, repair, visibility
 from ..summary import print_result
 
 # In the ledger's folder.
-EPISODES, FACTS, OBJECTS = "episodes.json.gz", "facts.json.gz", "objects.json"
+EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
 NAMING = "name things"
 
 
@@ -67,13 +69,15 @@ def run(options: Instruct) -> int:
         write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
         cache = (options.cache or out.parent / CACHE).resolve()
         named: Path | None = None
-        things: dict[str, int] = {}
+        naming_facts: dict[str, Any] = {}
         if vision is not None:
             named = root / OBJECTS
             naming = NameThingsJob(scenes, root / EPISODES, vision, camera, cache, named)
-            item = work_item(NAMING, out.name, naming, (named,), *keys, vision, camera)
+            inputs = (*keys, vision, camera, prompts_sha256(SIGHT_PROMPTS))
+            item = work_item(NAMING, out.name, naming, (named,), *inputs)
             (row,) = run_stage(context, NAMING, [item], required=True).rows
-            things, keys = row.facts["named_things"], [*keys, row.key]
+            naming_facts, keys = row.facts, [*keys, row.key]
+        _forget(root, {*seen, named})
         job = InstructJob(
             scenes=scenes,
             episodes=root / EPISODES,
@@ -85,21 +89,26 @@ def run(options: Instruct) -> int:
             seed=options.seed,
             per_instruction=options.per_instruction,
             objects=named,
+            vision_model=vision.model if vision else "",
         )
         keys.append(str(options.per_instruction))
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
+    spent = {"vision_model": naming_facts["language_model"]} if naming_facts else {}
     failed = lost | made["quarantined"]
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
         _show(read_episodes(out), job, options.show)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
-        for scene, count in things.items():
+        for scene, count in naming_facts.get("named_things", {}).items():
             sys.stdout.write(f"{scene}: {count} things named by the vision-language model\n")
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
-    print_result(options, made | {"quarantined": failed}, text)
+    kept = 0 if config.replace else sum(bool(episode.instruction) for episode in asked)
+    if kept:
+        text += f"; {kept} episodes had texts and keep them, --replace writes new ones"
+    print_result(options, made | spent | {"quarantined": failed}, text)
     return int(len(failed) > options.max_failed)
 
 
@@ -119,6 +128,12 @@ def _look(
         source = Row("episodes", scene, digest(rows[scene].key, episodes), "done")
         items.append(visibility.item(source, scenes, part, _seen(root, scene), robot, every))
     return run_stage(context, visibility.STAGE, items, required=True)
+
+
+def _forget(root: Path, used: Set[Path | None]) -> None:
+    """Delete what earlier runs saw and named: `vlnpe review` judges texts by what is there."""
+    for path in {*root.glob("*.seen.json"), root / OBJECTS} - used:
+        path.unlink(missing_ok=True)
 
 
 def _seen(root: Path, scene: str) -> Path:

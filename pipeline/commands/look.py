@@ -43,8 +43,8 @@ def run_verify(options: Verify) -> int:
         if len(open_ends) > SHOWN:
             lines.append(f"NOT FINISHED  … and {len(open_ends) - SHOWN} more; --json lists them")
         sys.stdout.writelines(f"{line}\n" for line in lines)
-        told = f", not finished: {len(open_ends)}" if open_ends else ""
-        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{told}\n")
+        unfinished = f", not finished: {len(open_ends)}" if open_ends else ""
+        sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{unfinished}\n")
     return 1 if bad else UNFINISHED if open_ends else 0
 
 

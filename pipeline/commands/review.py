@@ -8,6 +8,8 @@ from ...formats.core.errors import InputError
 from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.server import Review, make_server
+from ..engine.context import LEDGERS
+from ..jobs.instructions.instruct import OBJECTS, read_objects
 from ..jobs.reviewed import REVIEW_NAME
 from ..options.instructions import Review as ReviewOptions
 
@@ -43,11 +45,14 @@ def opened(options: ReviewOptions) -> Review:
     if source.is_dir():
         files = sorted((source / "episodes" / "told").glob("*.json.gz"))
         scenes, folder = options.scenes or source / "scenes", source
+        records = source / "facts"
     else:
         files, folder = [source], source.parent
         if options.scenes is None:
             raise InputError("--scenes is needed with an episode file")
         scenes = options.scenes
+        whole = source.resolve()
+        records = whole.parent / LEDGERS / whole.name
     if not files:
         raise InputError(
             f"{source}: contains no episodes with instructions; run `{program()} collect` first"
@@ -61,6 +66,8 @@ def opened(options: ReviewOptions) -> Review:
     decisions = options.decisions or folder / REVIEW_NAME
     seen = {
         path.name.removesuffix(".seen.json"): read_visibility(path)
-        for path in sorted(folder.glob("facts/*.seen.json"))
+        for path in sorted(records.glob("*.seen.json"))
     }
-    return Review(episodes, scenes, decisions, films, seen)
+    named = records / OBJECTS
+    objects = read_objects(named) if named.is_file() else None
+    return Review(episodes, scenes, decisions, films, seen, objects)

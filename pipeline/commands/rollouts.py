@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.rendering.registry import chosen_renderer
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, InputError, check_name
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
@@ -61,12 +61,18 @@ def run_render(options: Render) -> int:
     check_rgb_codec(options.rgb_codec)
     chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
-    scenes = repair.rows_of(options.scenes)
+    scenes_folder = options.scenes or options.rollouts / "scenes"
+    if options.scenes is None and not scenes_folder.is_dir():
+        raise InputError(f"{options.rollouts}: contains no scenes/; give it with --scenes FOLDER")
+    scenes = repair.rows_of(scenes_folder)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
-    for row in source.rows(replay.STAGE):
-        if row.status == "done":
-            robot, controller, _ = row.item.split("/", 2)
-            groups.setdefault((robot, controller), {})[row.item] = row
+    walks = [row for row in source.rows(replay.STAGE) if row.status == "done"]
+    if options.episode is not None and walks:
+        check_name("episode", options.episode, sorted({_episode_of(row) for row in walks}))
+        walks = [row for row in walks if _episode_of(row) == options.episode]
+    for row in walks:
+        robot, controller, _ = row.item.split("/", 2)
+        groups.setdefault((robot, controller), {})[row.item] = row
     wishes = CameraOverrides(
         width_px=options.width_px,
         height_px=options.height_px,
@@ -83,9 +89,9 @@ def run_render(options: Render) -> int:
     if not groups:
         raise FileFormatError(options.rollouts, "contains no rollout")
     walked = {str(row.facts["scene"]) for rows in groups.values() for row in rows.values()}
-    repair.demand(walked, scenes, options.scenes)
+    repair.demand(walked, scenes, scenes_folder)
     extras = Extras(options.semantic, options.instance, options.depth_mm)
-    root, folder = source.root.resolve(), options.scenes.resolve()
+    root, folder = source.root.resolve(), scenes_folder.resolve()
     summaries = []
     with open_context(options.out, options) as context:
         out = context.ledger.root
@@ -100,6 +106,10 @@ def run_render(options: Render) -> int:
                 items = render.items(recorded, view, rate, out, out, options.rgb_codec, extras)
                 summaries.append(run_stage(context, render.STAGE, items, scope))
     return _print_summary(options, summaries)
+
+
+def _episode_of(row: Row) -> str:
+    return row.item.split("/", 2)[2]
 
 
 def run_export(options: Export) -> int:

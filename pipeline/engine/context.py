@@ -4,6 +4,7 @@ import contextlib
 import json
 import shutil
 import sys
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -81,16 +82,32 @@ def _opened(
                 )
             if options.only:
                 raise InputError(f"--only {options.only}: the command has no such item")
-        except InputError:
+        except InputError as error:
             tracebacks = folder.root / QUARANTINE_FOLDER
             files = (p for p in folder.root.rglob("*") if p.is_file())
             left = {p.name for p in files if not p.is_relative_to(tracebacks)}
             if new and left <= {MANIFEST_NAME, QUARANTINE_NAME, LOCK_NAME}:
                 shutil.rmtree(folder.root)
+            elif not options.only:
+                error.hints += what_is_kept(folder.root)
             raise
-        except BaseException:
+        except BaseException as error:
             sweep_unlocked(folder.root)  # of the workers that were ended
+            if isinstance(error, VlnpeError):
+                error.hints += what_is_kept(folder.root)
             raise
+
+
+def what_is_kept(root: Path) -> tuple[str, ...]:
+    """Return the line for a user whose run has failed: what its folder keeps; none if nothing."""
+    done = Counter(row.stage for row in Ledger(root).rows() if row.status == "done")
+    if not done:
+        return ()
+    counts = ", ".join(f"{stage} {count}" for stage, count in done.items())
+    return (
+        f"{root} keeps what is finished ({counts}): the same command goes on from there, also "
+        "with other options",
+    )
 
 
 @contextmanager

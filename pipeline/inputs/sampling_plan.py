@@ -128,6 +128,8 @@ def sample_config(
     """
     return SampleConfig(
         count=count,
+        robot_radius_m=radius_m,
+        end_clearance_m=options.end_clearance_m,
         free_height_m=free_height_m,
         min_length_m=options.min_length_m,
         max_length_m=options.max_length_m,
@@ -140,4 +142,4 @@ def sample_config(
         heading=options.heading,
         relax=not strict,
         patience=60 if strict else SampleConfig.patience,
-    ).for_radius(radius_m)
+    )

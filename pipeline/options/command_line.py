@@ -1,17 +1,21 @@
-"""The command line that options came from."""
+"""The command line that options came from, and the mistakes in one."""
 
 import shlex
+from collections.abc import Collection, Sequence
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
 from ...formats.core.checkout import program
+from ...formats.core.errors import InputError, brief, did_you_mean
 
 # Of these, a command that runs an item again has its own.
 LEFT_OUT = {
     "only", "explain", "retry_quarantined", "wait", "json", "max_failed",
     "workers", "executor", "ray_address", "slurm", "dry_run",
 }  # fmt: skip
+# Every command has the options of its parser for shell completion.
+COMPLETION = "--tyro-"
 
 
 def command_line(options: Any) -> str:
@@ -36,3 +40,34 @@ def command_line(options: Any) -> str:
         else:
             words += [f"--{one.name.replace('_', '-')}", str(value)]
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"
+
+
+def option_names(record: type) -> set[str]:
+    """Return how the options of a class of `pipeline.options` are written: `--out`, `--no-json`."""
+    named = [one for one in fields(record) if "Positional" not in str(one.type)]
+    words = {one.name for one in named} | {f"no_{f.name}" for f in named if "bool" in str(f.type)}
+    return {f"--{word.replace('_', '-')}" for word in words | {"help"}}
+
+
+def check_options(command: str, words: Sequence[str], record: type) -> None:
+    """Raise InputError for the first of a command's words that is an option unknown to `record`."""
+    valid = option_names(record)
+    for word in (word.split("=")[0] for word in words if word.startswith("--")):
+        if word.replace("_", "-") not in valid and not word.startswith(COMPLETION):
+            raise unknown_word(command, word, valid)
+
+
+def unknown_word(command: str, word: str, valid: Collection[str] = ()) -> InputError:
+    """Return the error for a word that means nothing to a command ("" for `vlnpe` itself).
+
+    For an option it names the closest of the `valid` ones: the one spelt alike, or those that it is
+    a part of, as `--radius` is of `--robot-radius-m`.
+    """
+    kind, hint = "argument", ""
+    if word.startswith("-"):
+        bare = word.strip("-_").replace("_", "-")
+        within = sorted(one for one in valid if f"-{bare}-" in f"{one}-")[:3]
+        kind, hint = "option", did_you_mean(f"--{bare}", valid)
+        hint = hint or (f" (did you mean {' or '.join(within)}?)" if within else "")
+    listed = " ".join([program(), *filter(None, [command]), "--help"])
+    return InputError(f"unknown {kind} {brief(word)}{hint}; {listed} lists the valid ones")

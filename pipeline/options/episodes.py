@@ -20,6 +20,9 @@ class Sampling(Clearance):
     never shorter. Lower it for a single-room scan."""
     max_length_m: float = SampleConfig.max_length_m
     """Maximum length of a sampled reference path [m]; the geodesic distance is never longer."""
+    end_clearance_m: float = SampleConfig.end_clearance_m
+    """Clearance of the starts and goals of sampled paths, room to turn on the spot [m]; at least
+    that of the path. Lower it for a narrow room."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity

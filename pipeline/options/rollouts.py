@@ -31,9 +31,11 @@ class Render(Running, Drawing):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
-    """Folder written by `replay`."""
-    scenes: Path
-    """Folder of repaired scenes."""
+    """Folder written by `replay`, or run folder of `collect`."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; defaults to scenes/ in the first folder."""
+    episode: str | None = None
+    """Only the walks of this episode, named as in the report."""
     out: Path = Path("frames")
     """Output folder; frames are written to <robot>/<controller>/<view>/<episode>/ in it."""
     camera: str = "ego"

@@ -20,7 +20,7 @@ from .gather import (
     robot_rows,
     shared_paths_note,
 )
-from .maps import ScenePaths, map_figure, path_name
+from .maps import ScenePaths, Track, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri
 
@@ -47,6 +47,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
         robot_rows=robots,
         shared_paths_note=shared_paths_note(ledger),
         left_out=left_out(ledger),
+        touched=_touched(rows),
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
@@ -138,10 +139,11 @@ def filter_notes(facts: Mapping[str, Any]) -> list[str]:
 def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
     """Return every episode with each robot's outcome."""
     walks: dict[str, list[dict[str, Any]]] = {}
-    for row in rows:
-        walks.setdefault(path_name(row), []).append(_walk(row))
+    for row, track in zip(rows, paths.tracks, strict=True):
+        walks.setdefault(path_name(row), []).append(_walk(row, track))
     return [
         {
+            "anchor": name,
             "id": paths.episodes[name].episode_id,
             "split": paths.episodes[name].split,
             "texts": len(texts_of(paths.episodes[name])),
@@ -153,13 +155,24 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
     ]
 
 
-def _walk(row: Row) -> dict[str, Any]:
+def _touched(rows: Sequence[Row]) -> dict[str, dict[str, str]]:
+    """Return the ids of the episodes in which an obstacle was touched, by crew and `path_name`."""
+    touched: dict[str, dict[str, str]] = {}
+    for row in rows:
+        if row.facts["contacts"]:
+            crew, _ = row.item.rsplit("/", 1)
+            touched.setdefault(crew, {})[path_name(row)] = row.facts["episode"]
+    return touched
+
+
+def _walk(row: Row, track: Track) -> dict[str, Any]:
     facts, metrics = row.facts, row.facts["metrics"]
     return {
         "robot": facts["robot"],
         "controller": driven(facts["controller"], [facts], with_seed=bool(facts.get("seed"))),
         "outcome": facts["end_reason"],
         "tl": metrics["trajectory_length_m"],
+        "off": track.off_path_m,
         "ne": metrics["navigation_error_m"],
         "spl": 100 * (metrics["spl"] or 0.0),
         "ndtw": 100 * (metrics["ndtw"] or 0.0),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
+from ...formats.core.geometry import distances_to_path
 from ...formats.mcap.rollout import read_rollout
 from ..engine.ledger import Row
 from .pictures import jpeg_uri
@@ -32,10 +33,16 @@ class Track:
     xy_m: NDArray[np.float64]
     end_reason: str
 
+    @property
+    def off_path_m(self) -> float:
+        """Return the largest distance of the robot from the reference path [m]."""
+        path = self.episode.reference_path_world_m[:, :2]
+        return float(distances_to_path(self.xy_m, path).max())
+
 
 @dataclass(frozen=True)
 class ScenePaths:
-    """Episodes by `path_name`, and all tracks."""
+    """Episodes by `path_name`, and the track of each row that they were read from, in order."""
 
     episodes: dict[str, Episode]
     tracks: tuple[Track, ...]

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import SpeedConfig
+from ...collectors.controllers import SpeedConfig, get_controller
 from ...collectors.locomotion.policy import policy_files
 from ...collectors.replay import ReplayConfig
 from ...collectors.robots import get_robot
@@ -14,7 +14,7 @@ from ...formats.core.atomic import file_digest
 from ...formats.core.episode import Episode
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import file_names
-from ..engine.work import WorkItem, work_item
+from ..engine.work import WorkItem, digest, work_item
 from ..jobs.replay import ReplayJob, actions
 
 STAGE = "replay"
@@ -68,6 +68,12 @@ def walker(config: ReplayConfig) -> tuple[ReplayConfig, str | None, list[str] | 
     robot = get_robot(config.robot)
     gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
     return replace(config, robot=robot.name), robot.content_sha256, gait
+
+
+def gait_digest(config: ReplayConfig) -> str | None:
+    """Return the digest of the gait that walks; None where none does."""
+    *_, gait = walker(config)
+    return digest(gait) if gait and not get_controller(config.controller).teleports else None
 
 
 def label_of(ledger: Ledger, config: ReplayConfig) -> str:

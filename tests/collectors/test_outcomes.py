@@ -4,17 +4,21 @@ import base64
 import io
 import json
 import re
+import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
+from scipy.spatial.distance import cdist
 
 from tests.collectors.test_replay import make_episode
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.outcome import OutcomeConfig
 from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.formats.core.geometry import resample
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.context import open_context
@@ -110,6 +114,35 @@ def test_a_diverged_episode_that_succeeds_later_leaves_no_dump(root: Path, tmp_p
     assert (tmp_path / "mad.mcap").is_file()
 
 
+def test_the_page_says_how_far_from_its_path_a_robot_was(root: Path) -> None:
+    page = (root / "report" / "index.html").read_text()
+    off = [float(text) for text in re.findall(r'data-label="Off path m">([\d.]+)<', page)]
+    ids = re.findall(r'<tr id="([^"]+)"', page)
+    assert ids == ["good@0", "slow@0"]
+    for name, shown in zip(ids, off, strict=True):
+        rollout = read_rollout(root / "rollouts" / "aliengo" / "path" / f"{name[:-2]}.mcap")
+        path = resample(rollout.episode.reference_path_world_m[:, :2], 0.01)
+        gaps = cdist(rollout.position_world_m[:, :2], path).min(axis=1)
+        assert shown == pytest.approx(gaps.max(), abs=0.02)
+
+
+def test_the_page_links_the_episodes_in_which_an_obstacle_was_touched(
+    root: Path, tmp_path: Path
+) -> None:
+    copy = shutil.copytree(root, tmp_path / "run")
+    assert "touched an obstacle in" not in (copy / "report" / "index.html").read_text()
+    ledger = Ledger(copy)
+    row = ledger.row("replay", "aliengo/path/slow")
+    assert row is not None
+    ledger.add(replace(row, facts={**row.facts, "contacts": 2}))
+    ledger.save()
+    assert main(["report", str(copy)]) == 0
+    page = (copy / "report" / "index.html").read_text()
+    (link,) = re.findall(r"aliengo/path touched an obstacle in (<a .*?</a>)\.", page)
+    assert link == '<a href="#slow%400">slow</a>'
+    assert page.count('<tr id="slow@0"') == 1
+
+
 def test_the_page_shows_every_failure_and_a_clip_of_its_end(root: Path) -> None:
     page = (root / "report" / "index.html").read_text()
     assert "took too long" in page
@@ -155,6 +188,26 @@ def frames(root: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     small = ("--width-px", 64, "--height-px", 48, "--workers", 1)
     assert vlnpe("render", root, "--scenes", root / "scenes", "--out", out, *small) == 0
     return out
+
+
+def test_one_episode_is_filmed_by_its_name_in_the_scenes_of_its_run(
+    root: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    items = [row.item for row in Ledger(root).rows("replay") if row.status == "done"]
+    *_, episode = items[0].split("/", 2)
+    chosen = sum(item.endswith(f"/{episode}") for item in items)
+    assert chosen < len(items)
+    small = ("--width-px", 64, "--height-px", 48, "--workers", 1, "--video")
+    assert vlnpe("render", root, "--episode", episode, "--out", tmp_path / "films", *small) == 0
+    assert len(list((tmp_path / "films").rglob("*.mp4"))) == chosen
+    capsys.readouterr()
+    assert vlnpe("render", root, "--episode", episode + "x", "--out", tmp_path / "no") == 2
+    assert f"(did you mean {episode}?)" in capsys.readouterr().err
+    (bare := tmp_path / "bare").mkdir()
+    (bare / "manifest.json").write_bytes((root / "manifest.json").read_bytes())
+    assert vlnpe("render", bare, "--out", tmp_path / "no") == 2
+    assert "contains no scenes/; give it with --scenes FOLDER" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
 
 
 def vlnpe(*arguments: object) -> int:

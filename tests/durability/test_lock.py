@@ -105,6 +105,7 @@ def test_a_holder_renews_its_lock_and_stops_when_it_was_taken_over(tmp_path: Pat
     assert (tmp_path / LOCK_NAME).exists()  # it is the other's now
 
 
+@pytest.mark.chain
 def test_two_commands_on_one_folder(tmp_path: Path, start):  # noqa: F811
     root = tmp_path / "run"
     first = start(lingering(root, 6))

@@ -67,6 +67,7 @@ def _row(name: str, text: str, ledger: Ledger) -> Row:
     return row
 
 
+@pytest.mark.chain
 def test_a_run_killed_on_one_machine_is_completed_on_another(
     bucket: ObjectFolder, scan: Path, finished: Path, prepared: Path
 ):

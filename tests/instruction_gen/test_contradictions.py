@@ -59,3 +59,26 @@ def test_a_building_made_without_a_scan_has_rooms_that_doors_join():
     assert all(any(openings) for openings in level.openings)
     inside = np.unique(level.regions.region)
     assert set(inside[inside >= 0]) == set(range(len(level.names)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Leave the kitchen, pass the {}, then stop when the sofa is behind you.",
+        "Leave the kitchen and go past the {}, then stop when the sofa is behind you.",
+        "Leave the kitchen and stop just past the sofa, by the {}.",
+    ],
+)
+def test_what_one_passes_or_stops_at_must_be_there_whatever_it_is_called(two_rooms, text):
+    facts = facts_of(EAST, two_rooms)
+    for noun in ("humidor", "spittoon", "old brass astrolabe"):
+        problems = check_text(text.format(noun), facts).problems
+        assert any("nothing here is called" in p and noun.split()[-1] in p for p in problems)
+
+
+def test_an_unknown_word_elsewhere_claims_nothing(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    text = (
+        "Leave the kitchen with its humidor feel, go past the sofa and stop when it is behind you."
+    )
+    assert check_text(text, facts).ok

@@ -339,12 +339,15 @@ _WORDS = st.sampled_from(
 )
 
 
+@pytest.fixture(scope="module")
+def left(two_rooms):
+    return facts_of(LEFT, two_rooms)
+
+
 @given(st.lists(_WORDS, max_size=25))
 @settings(max_examples=150, deadline=None)
-def test_any_words_can_be_read(two_rooms, words):
-    text = " ".join(words)
-    facts = facts_of(LEFT, two_rooms)
-    assert isinstance(check_text(text, facts).problems, tuple)
+def test_any_words_can_be_read(left, words):
+    assert isinstance(check_text(" ".join(words), left).problems, tuple)
 
 
 def test_facts_follow_their_published_schema(two_rooms):

@@ -95,6 +95,32 @@ def test_a_model_that_mends_its_text_is_kept(two_rooms, tmp_path):
     assert [(one.text, one.attempts) for one in results] == [(GOOD[0], 1), (GOOD[1], 2)]
 
 
+@pytest.mark.parametrize(
+    ("second", "styles"),
+    [
+        ([GOOD[0]], [("terse", "llm"), ("rich", "llm"), ("natural", "llm")]),
+        ([LIE], [("terse", "llm"), ("rich", "llm"), ("natural", "composer")]),
+    ],
+)
+def test_a_text_that_is_mended_or_replaced_keeps_its_style(two_rooms, tmp_path, second, styles):
+    def script(number, request):
+        return completion(texts(LIE, *GOOD[1:]) if number == 1 else texts(*second))
+
+    with Server(script).running() as server:
+        results, _, _ = write_with(server, tmp_path, two_rooms, styles=("natural", "terse", "rich"))
+    assert [(one.style, one.writer) for one in results] == styles
+
+
+def test_a_style_the_model_left_out_is_the_composers(two_rooms, tmp_path):
+    def script(number, request):
+        return completion(texts(LIE, GOOD[1]) if number == 1 else texts(GOOD[0]))
+
+    with Server(script).running() as server:
+        results, _, _ = write_with(server, tmp_path, two_rooms, styles=("natural", "terse", "rich"))
+    assert [one.style for one in results] == ["terse", "natural", "rich"]
+    assert [one.writer for one in results] == ["llm", "llm", "composer"]
+
+
 def test_no_more_texts_are_asked_for_than_are_wanted(two_rooms, tmp_path, monkeypatch):
     with Server(lambda n, r: completion(texts(*GOOD[:2]))).running() as server:
         monkeypatch.setenv("VLNPE_LLM_BASE_URL", server.url)

@@ -10,8 +10,11 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of
+from tests.support.misbehaving_server import Server, completion, texts
 from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.llm.settings import LlmSettings
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.instruction_gen.review.decisions import (
     Decision,
@@ -109,9 +112,72 @@ def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
         assert ask(address, "/api/decide", body | {"text": good})[0] == 200
         status, answer = ask(address, "/api/path?number=1&annotator=ann")
         assert json.loads(answer)["texts"][0]["text"] == good
-        status, answer = ask(address, "/api/check", {"path": "p1", "text": lie})
+        status, answer = ask(address, "/api/check", {"path": "p1", "number": 0, "text": lie})
         found = json.loads(answer)
         assert found["problems"] and any(problems for _, _, problems in found["clauses"])
+
+
+ENGLISH = "Turn left through the doorway into the kitchen and stop next to the table."
+FOREIGN = {  # true as written, as edited, and with the turn to the other side
+    "zh": (
+        "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。",
+        "左转穿过门口进入厨房，在桌子旁边停下。",
+        "右转穿过门口进入厨房，在桌子旁边停下。",
+    ),
+    "hi": (
+        "आगे चलें, बाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
+        "बाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
+        "दाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
+    ),
+}
+
+
+@pytest.fixture
+def foreign_review(two_rooms, tmp_path):
+    """A path with an English, a Chinese and a Hindi text, written by a scripted model."""
+
+    def script(number, request):
+        wish = request["messages"][1]["content"]
+        (language,) = [one for one in ("en", "zh", "hi") if f"(language '{one}')" in wish]
+        text = FOREIGN[language][0] if language in FOREIGN else ENGLISH
+        return completion(texts(text, language=language, english=ENGLISH))
+
+    (tmp_path / "two_rooms").symlink_to(two_rooms.root)
+    with Server(script).running() as server:
+        llm = LlmSettings(base_url=server.url, model="scripted")
+        config = InstructConfig(writer="llm", count=1, languages=("en", "zh", "hi"), llm=llm)
+        made = instruct_episodes(
+            [episode_of(LEFT, name="p")], tmp_path, config, 0, cache=tmp_path / "cache"
+        )
+    write_episodes(tmp_path / "told.json.gz", made.episodes)
+    read = read_episodes(tmp_path / "told.json.gz")
+    return Review(read, tmp_path, tmp_path / "review.jsonl")
+
+
+def test_texts_are_judged_in_their_own_language(foreign_review):
+    shown = foreign_review.path("p", "ann")["texts"]
+    assert [one["text"] for one in shown] == [ENGLISH, FOREIGN["zh"][0], FOREIGN["hi"][0]]
+    assert [one["verdict"]["problems"] for one in shown] == [[], [], []]
+    with serving(foreign_review) as address:
+        for number, language in enumerate(FOREIGN, start=1):
+            _, good, lie = FOREIGN[language]
+            body = {"annotator": "ann", "path": "p", "number": number, "action": "edit"}
+            status, answer = ask(address, "/api/decide", body | {"text": lie})
+            assert status == 409 and b"sides" in answer
+            status, answer = ask(address, "/api/decide", body | {"text": ENGLISH})
+            assert status == 409 and b"not in the language asked for" in answer
+            found = json.loads(ask(address, "/api/check", body | {"text": lie})[1])
+            assert found["problems"] and found["clauses"] == [[0, len(lie), found["problems"]]]
+            assert ask(address, "/api/decide", body | {"text": good})[0] == 200
+    kept, _ = apply_decisions(list(foreign_review.paths.values()), foreign_review.file)
+    assert kept[0].extra["instructions"] == [ENGLISH, FOREIGN["zh"][1], FOREIGN["hi"][1]]
+
+
+def test_a_text_without_its_english_is_not_said_to_be_checked(foreign_review):
+    for record in foreign_review.paths["p"].extra["instruction"]["texts"]:
+        record.pop("english", None)  # a file written before it was kept
+    problems = [one["verdict"]["problems"] for one in foreign_review.path("p", "ann")["texts"]]
+    assert problems == [[], *[["there is no English of it to check"]] * 2]
 
 
 @pytest.fixture
@@ -179,7 +245,6 @@ def test_the_page_in_a_browser(review, browser, tmp_path):
 
 
 def test_a_decision_exports_only_its_own_path_again(review, tmp_path):
-    from vlnpe.formats.vlnce.files import write_episodes
     from vlnpe.pipeline.stages.export import review_digests
 
     (tmp_path / "episodes").mkdir()

@@ -50,6 +50,14 @@ def make(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
+def test_sections_of_the_benchmarks_exist() -> None:
+    benchmarks = pytest.importorskip("benchmarks.__main__", exc_type=ImportError)  # needs extras
+    text = "".join(page.read_text() for page in PAGES)
+    named = re.findall(r"make bench ONLY=(?:\"([^\"]+)\"|(\w+))", text)
+    names = {name for found in named for part in found for name in part.split()}
+    assert {"fuzz", "labels"} <= names <= benchmarks.SECTIONS.keys()
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_targets_and_variables_of_make_exist(page: Path) -> None:
     for first, *words in commands(page):

@@ -41,6 +41,7 @@ def package_folders() -> list[str]:
     return sorted(set(found))
 
 
+@pytest.mark.chain
 def test_import_datasets_from_the_root_is_hugging_faces():
     if find_spec("lerobot") is None:  # it brings Hugging Face's
         pytest.skip("the extra `train` is not installed")
@@ -52,6 +53,7 @@ def test_import_datasets_from_the_root_is_hugging_faces():
     assert not (ROOT / "datasets" / "__init__.py").exists()
 
 
+@pytest.mark.chain
 def test_our_datasets_package_imports_beside_it():
     code = "import vlnpe.datasets.local as l, datasets; print(l.__file__)"
     done = subprocess.run(
@@ -81,6 +83,7 @@ def wheel(tmp_path_factory) -> set[str]:
         return set(archive.namelist())
 
 
+@pytest.mark.chain
 def test_the_wheel_holds_every_source_and_data_file(wheel):
     suffixes = {".py", ".txt", ".xml", ".onnx", ".safetensors", ".json", ".j2", ".yaml"}
     missing = [

@@ -60,8 +60,14 @@ def collection_page() -> str:
     values["driven"] = "speed, open loop, 50 steps, seed 12"
     robots = [RobotRow(**values), RobotRow(**{**values, "robot": "my_own_robot"})]
     walk = {"robot": "aliengo", "controller": "speed", "outcome": "collision start"}
-    walk |= dict.fromkeys(("tl", "ne", "spl", "ndtw", "seconds"), 123.4)
-    episode = {"id": "exact-apartment-200-17", "split": "val_unseen", "path": 12.3, "texts": 3}
+    walk |= dict.fromkeys(("tl", "off", "ne", "spl", "ndtw", "seconds"), 123.4)
+    episode = {
+        "anchor": "17@0",
+        "id": "exact-apartment-200-17",
+        "split": "val_unseen",
+        "path": 12.3,
+        "texts": 3,
+    }
     episode |= {"instruction": INSTRUCTION, "walks": [walk]}
     lost = {"stage": "replay", "item": "aliengo/speed/exact-apartment-200-17"}
     environment = Environment(

@@ -1,5 +1,6 @@
 """A robot that joins a run later walks the paths that are there, if it has room on them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def sampled(root: Path, scene, radius_m: float, count: int = 3):
     context = Context(Ledger(root), InlineWorkers(1), progress=False)
 
     def item(name, own_m):
-        config = SampleConfig(**{**vars(CONFIG), "count": count}).for_radius(own_m)
+        config = replace(CONFIG, count=count, robot_radius_m=own_m)
         return episodes.sample_item(scenes[name], scene.root.parent, out, config, 0)
 
     items = episodes.items(context.ledger, [scene.root.name], radius_m, item)

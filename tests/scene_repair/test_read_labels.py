@@ -63,6 +63,7 @@ def write_matterport(folder: Path, turn: np.ndarray) -> Path:
     return path
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize(("up", "turn"), [("z", np.eye(4)), ("y", scans.TO_Y_UP)])
 def test_a_house_file_labels_the_room_and_determines_up(
     up: str, turn: np.ndarray, tmp_path: Path

@@ -263,6 +263,7 @@ def test_source_travels_along(bundle: SceneBundle, source: Path) -> None:
         assert facts["licence"] == "Use as you like."
 
 
+@pytest.mark.chain
 def test_large_textures_are_scaled(source: Path, tmp_path: Path) -> None:
     bundle = repair_scene(
         source, tmp_path, RepairConfig(scene_id="small", max_texture_px=64, picture_px=200)

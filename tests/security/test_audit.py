@@ -137,6 +137,7 @@ def audited(address: str) -> tuple[bool, str]:
     return found, text
 
 
+@pytest.mark.chain
 def test_a_known_vulnerability_is_found(osv: tuple[str, dict[str, Any]]) -> None:
     address, known = osv
     assert audited(address)[0] is False

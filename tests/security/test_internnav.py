@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from tests.formats.internnav.conftest import layout, units  # noqa: F401 (fixtures)
+from tests.formats.internnav.conftest import layout, units, written  # noqa: F401 (fixtures)
 from tests.security.hostile import DEEP_JSON, not_files, put, refusal
 from vlnpe.formats.internnav.reader import find_scenes, is_layout, read_layout_episode
 

@@ -92,8 +92,8 @@ def test_too_many_asked_for_gives_fewer_and_says_why(two_rooms):
     "changes",
     [
         {"min_length_m": 30.0, "max_length_m": 40.0},
-        {"robot_radius_m": 0.6, "end_clearance_m": 0.6},  # wider than the door
-        {"robot_radius_m": 3.0, "end_clearance_m": 3.0},  # wider than the rooms
+        {"robot_radius_m": 0.6},  # wider than the door
+        {"robot_radius_m": 3.0},  # wider than the rooms
     ],
 )
 def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
@@ -105,7 +105,7 @@ def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
     assert ("on no floor so wide" in str(caught.value)) != rooms_hold_it
     config = replace(CONFIG, **changes)
     assert f"{config.robot_radius_m:.2f} m of clearance along the way" in str(caught.value)
-    assert f"{config.end_clearance_m:.2f} m at both ends" in str(caught.value)
+    assert f"{config.ends_m:.2f} m at both ends (--end-clearance-m)" in str(caught.value)
     if changes.get("min_length_m") == 30.0:
         # From corner to corner of the two rooms, round the jambs.
         longest = re.search(r"longest way .* is about ([\d.]+) m", str(caught.value))
@@ -120,12 +120,29 @@ def test_no_episode_at_all_is_an_error_with_the_counts(two_rooms, changes):
         {"count": 0},
         {"min_length_m": 9.0, "max_length_m": 8.0},
         {"robot_radius_m": 0.0},
-        {"end_clearance_m": 0.1},
+        {"end_clearance_m": 0.0},
     ],
 )
 def test_impossible_configurations_are_refused(changes):
     with pytest.raises(InputError, match="valid"):
         replace(CONFIG, **changes)
+
+
+def test_less_room_to_turn_lets_paths_end_nearer_to_obstacles(two_rooms):
+    freemap = two_rooms.freemap(0)
+
+    def least(**changes):
+        paths = [e.reference_path_world_m for e in sample(two_rooms, **changes).episodes]
+        ends = [path[[end, end]] for path in paths for end in (0, -1)]
+        return min(path_clearance(freemap, end).min() for end in ends)
+
+    # In rooms of 4 m hardly any place is farther from all walls.
+    with pytest.raises(SceneError, match=r"Less room to turn .*: --end-clearance-m 0\.3 --min-"):
+        sample(two_rooms, end_clearance_m=1.9)
+    assert least(end_clearance_m=1.0) >= 1.0
+    assert 0.3 <= min(least(end_clearance_m=0.3, seed=seed) for seed in range(6)) < 0.45
+    # A robot is never asked to stand where it is too wide.
+    assert least(end_clearance_m=0.1, robot_radius_m=0.4, seed=1) >= 0.4
 
 
 def test_a_single_room_gives_episodes_without_crossings(two_rooms, caplog):

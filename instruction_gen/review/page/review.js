@@ -58,7 +58,7 @@ function card(text, number) {
     area.oninput = () => {
       clearTimeout(wait);
       wait = setTimeout(async () => {
-        const found = await call("api/check", { path: state.data.name, text: area.value });
+        const found = await call("api/check", { path: state.data.name, number, text: area.value });
         verdict.textContent = found.problems.join(" · ");
         verdict.dataset.checked = area.value;
       }, 120);

@@ -3,7 +3,7 @@
 import os
 
 from ....formats.core.errors import InputError, MissingExtraError
-from ...engine.executors.base import available_cores
+from ....formats.core.threads import available_cores
 
 
 def start_torch(threads: int) -> None:

@@ -1,6 +1,7 @@
 """Run items in worker processes, and find the one that kills its worker."""
 
 import pickle
+import sys
 import time
 import traceback
 from collections.abc import Generator, Iterable, Iterator, Sequence
@@ -165,9 +166,21 @@ def attempt_chain(
     return outcomes
 
 
+def keep_mujoco_from_writing() -> None:
+    """Let MuJoCo, if this process has loaded it, warn on stderr alone.
+
+    By default it also writes MUJOCO_LOG.TXT into the folder that the user is in.
+    """
+    if mujoco := sys.modules.get("mujoco"):
+        config = mujoco.MjLogConfig.get()
+        config.logto_file = False
+        config.set()
+
+
 def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
     """Run a job in this process, and record the files that it wrote."""
     started, cpu_started = time.perf_counter(), time.process_time()
+    keep_mujoco_from_writing()
     try:
         with allow_threads(threads):
             result = job.run()

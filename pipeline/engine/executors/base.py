@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from ....formats.core.errors import InputError, check_name
+from ....formats.core.threads import available_cores
 from ..signals import without_interrupts
 
 LOCAL, RAY, SLURM = "local", "ray", "slurm"
@@ -106,11 +107,6 @@ def make_executor(execution: Execution, root: Path) -> Executor:
 
         return SlurmExecutor(root, execution.slurm, execution.workers, execution.dry_run)
     return Workers(execution.workers or available_cores())
-
-
-def available_cores() -> int:
-    """Return the number of cores this process may use (respects the affinity mask)."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class Workers(Executor):

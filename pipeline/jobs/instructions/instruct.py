@@ -4,20 +4,23 @@ import gzip
 import json
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ....formats.core.atomic import write_bytes
+from ....formats.core.episode import Episode
 from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.visibility import Visibility, read_visibility
-from ....formats.vlnce.files import read_episodes, write_episodes
+from ....formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ....formats.vlnce.groups import group_by_path, per_instruction
 from ....instruction_gen.instruct import InstructResult, instruct_episodes
+from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.records import InstructConfig
 from ...engine.work import ItemResult
 
 CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
+OBJECTS = "objects.json"  # in the ledger's folder, what `NameThingsJob` wrote
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class InstructJob:
         cache: Folder of a language model's answers.
         per_instruction: Write one episode per instruction; a path then has several.
         objects: Objects that a vision-language model named in scenes without labels; or None.
+        vision_model: That model, "" without one.
     """
 
     scenes: Path
@@ -43,6 +47,7 @@ class InstructJob:
     seed: int
     per_instruction: bool = False
     objects: Path | None = None
+    vision_model: str = ""
 
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
@@ -53,12 +58,23 @@ class InstructJob:
         result = instruct_episodes(
             asked, self.scenes, self.config, self.seed, sight, cache=self.cache, objects=objects
         )
-        made = result.episodes
+        made = [self._with_vision(episode, objects or {}) for episode in result.episodes]
         if self.per_instruction:
             made = [one for path in group_by_path(made) for one in per_instruction(path)]
         write_episodes(self.out, made)
         write_facts(self.facts, result.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
+
+    def _with_vision(self, episode: Episode, objects: Mapping[str, Any]) -> Episode:
+        """Return the episode with a record of the model that named things for its texts, if any."""
+        record = episode.extra.get("instruction")
+        if record is None or scene_stem(episode.scene_id) not in objects:
+            return episode
+        seen = {
+            "vision_model": self.vision_model,
+            "vision_prompt_sha256": prompts_sha256(SIGHT_PROMPTS),
+        }
+        return replace(episode, extra={**episode.extra, "instruction": {**record, **seen}})
 
 
 def read_objects(path: Path) -> dict[str, list[LabeledObject]]:
@@ -103,8 +119,8 @@ def summary(result: InstructResult) -> dict[str, Any]:
 
 def write_facts(path: Path, facts: Mapping[str, Any]) -> None:
     """Write facts records by trajectory id, as compressed JSON."""
-    document = {name: asdict(one) for name, one in sorted(facts.items())}
-    data = json.dumps(document, separators=(",", ":")).encode()
+    document = dict(sorted(facts.items()))
+    data = json.dumps(document, default=vars, separators=(",", ":")).encode()
     write_bytes(path, gzip.compress(data, compresslevel=6, mtime=0))
 
 

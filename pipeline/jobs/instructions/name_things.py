@@ -54,7 +54,8 @@ class NameThingsJob:
         found = named_objects(read_episodes(self.episodes), self.scenes, robot, client)
         written = {scene: [asdict(one) for one in objects] for scene, objects in found.items()}
         write_json(self.out, written)
-        return ItemResult({"named_things": {scene: len(v) for scene, v in found.items()}})
+        named = {scene: len(objects) for scene, objects in found.items()}
+        return ItemResult({"named_things": named, "language_model": asdict(client.budget.used())})
 
 
 def named_objects(

@@ -14,18 +14,18 @@ from vlnpe.collectors.gait_trials.driven import (
     StartedAction,
     action_errors,
     displacements,
-    distance_to,
     follow_paths,
     random_path,
 )
 from vlnpe.collectors.gait_trials.evaluate import evaluation_table, report
 from vlnpe.collectors.gait_trials.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
-from vlnpe.collectors.gait_trials.measures import command_grid, velocity_errors
+from vlnpe.collectors.gait_trials.measures import WATCH_S, command_grid, velocity_errors
 from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain
 from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.locomotion.card import POLICY_FOLDER
 from vlnpe.collectors.locomotion.policy import GaitPolicy
 from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.geometry import distances_to_path
 from vlnpe.formats.core.rollout import Action
 
 pytestmark = pytest.mark.chain
@@ -75,6 +75,18 @@ def test_a_gate_holds_at_its_limit_and_never_unmeasured(at_least, measured, pass
     result = GateResult(gate, measured)
     assert result.passed == passed
     assert str(result).startswith("✓" if passed else "✗")
+
+
+@pytest.mark.parametrize(
+    ("rest_s", "said"), [(0.7932, "✓ 0.793 s"), (2.5, "✗ 2.5 s"), (2.99, "✗ not in 3 s")]
+)
+def test_a_stop_that_outlasts_its_trial_is_no_time_to_rest(rest_s: float, said: str):
+    results = gate_results({"stopping": {"rest_s_p99": rest_s}})
+    (result,) = [r for r in results if r.gate.key == "rest_s_p99"]
+    mark, measured = said.split(" ", 1)
+    assert str(result).split("  ")[0] == f"{mark} time to rest, 99 % of stops"
+    assert f" {measured}  ≤ 1.5 s" in str(result)
+    assert result.gate.trial_s == WATCH_S
 
 
 def test_the_worst_part_of_the_table_counts():
@@ -228,8 +240,8 @@ def test_random_paths_have_their_length(seed: int):
     path = random_path(np.random.default_rng(seed))
     assert np.linalg.norm(np.diff(path, axis=0), axis=1).sum() == pytest.approx(12.0, abs=0.06)
     middle = 0.5 * (path[0] + path[1])
-    assert distance_to(path, middle) == pytest.approx(0.0, abs=1e-9)
-    assert distance_to(path, path[0] - [0.3, 0.4]) == pytest.approx(0.5, abs=0.2)
+    assert distances_to_path([middle], path) == pytest.approx(0.0, abs=1e-9)
+    assert distances_to_path([path[0] - [0.3, 0.4]], path) == pytest.approx(0.5, abs=0.2)
 
 
 def test_evaluation_ground_is_as_rough_as_it_says():

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from types import SimpleNamespace
 
 import pytest
@@ -31,13 +32,45 @@ except KeyboardInterrupt:
 """
 
 
-def test_a_pipe_gets_a_line_per_tenth() -> None:
+def lines_in_a_pipe(short_s: float) -> dict[str, list[list[str]]]:
+    """Words of each line of the bars, by name, where one of less than `short_s` is short."""
+    code = f"from vlnpe.formats.core import progress\nprogress.SHORT_S = {short_s}\n{BARS}"
     done = subprocess.run(
-        [sys.executable, "-c", BARS], check=True, capture_output=True, text=True, timeout=120
+        [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
     )
     assert not done.stdout and "\r" not in done.stderr and "\n\n" not in done.stderr
     output = [line.split() for line in done.stderr.splitlines()]
-    by_name = {name: [w for w in output if w[0] == name] for name in {words[0] for words in output}}
+    return {name: [w for w in output if w[0] == name] for name in {words[0] for words in output}}
+
+
+def test_a_pipe_gets_one_line_for_a_short_step() -> None:
+    by_name = lines_in_a_pipe(short_s=1000.0)
+    counts = {name: [words[2] for words in found] for name, found in by_name.items()}
+    assert counts == {
+        "walk": ["5000/5000"],
+        "short": ["3/3"],
+        "reused": ["7/7"],
+        "nothing": ["0/0"],
+        "broken": ["47/100"],
+    }
+    assert by_name["walk"][0][-2:] == ["done", "5000"]
+
+
+def test_a_long_step_is_named_before_its_first_item_is_done(monkeypatch, capsys) -> None:
+    monkeypatch.setattr(progress, "SHORT_S", 0.01)
+    said = ""
+    with progress.progress_bar("repair", 2) as bar:
+        for _ in range(1000):
+            if said := said + capsys.readouterr().err:
+                break
+            time.sleep(0.01)
+        bar.update(2)
+    said += capsys.readouterr().err
+    assert [line.split()[2] for line in said.splitlines()] == ["0/2", "2/2"]
+
+
+def test_a_pipe_gets_a_line_per_tenth() -> None:
+    by_name = lines_in_a_pipe(short_s=0.0)
     walk = by_name["walk"]
     assert [words[1] for words in walk] == [f"{p}%" for p in range(0, 101, 10)]
     assert [words[2] for words in walk][-2:] == ["4500/5000", "5000/5000"]
@@ -52,6 +85,7 @@ def test_a_pipe_gets_a_line_per_tenth() -> None:
 
 def test_a_slow_bar_is_not_silent_between_tenths(monkeypatch, capsys) -> None:
     clock = iter(range(0, 1000, 7))
+    monkeypatch.setattr(progress, "SHORT_S", 0.0)
     monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     with progress.progress_bar("train", 1000) as bar:
         for _ in range(20):

@@ -1,5 +1,6 @@
 """Bad input: one clear line, exit code 2, nothing half-written."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -89,6 +90,21 @@ def test_invalid_scenes_are_refused(tmp_path, refused, case):
     make, says = SCENES[case]
     refused(says, "--scene", make(tmp_path), "--out", "run", "--workers", 1)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_failed_run_says_what_its_folder_keeps_and_it_is_reused(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_mesh(tmp_path / "room.glb", room(1.0))
+    command = ["collect", "--scene", "room.glb", "--out", "run", "--robot", "vlnce"]
+    command += ["--workers", "1", "--episodes", "1", "--only-episodes", "--min-crossings", "0"]
+    assert main([*command, "--min-length-m", "12"]) == 2
+    error, hint = capsys.readouterr().err.splitlines()[-2:]
+    assert error.startswith("vlnpe: error: room: no episode of 12 … 20 m")
+    assert hint.strip().startswith(f"{tmp_path / 'run'} keeps what is finished (repair 1, ")
+    assert "the same command goes on from there" in hint
+    assert main([*command, "--min-length-m", "2", "--json"]) == 0
+    stages = json.loads(capsys.readouterr().out.splitlines()[-1])["stages"]
+    assert (stages["repair"]["reused"], stages["repair"]["done"]) == (1, 0)
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import tyro
 
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.formats.internnav.foreign import Assumptions
@@ -17,6 +18,7 @@ from vlnpe.pipeline.cli import VERBS, main
 from vlnpe.pipeline.inputs.builtin import BUILTIN
 from vlnpe.pipeline.inputs.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
+from vlnpe.pipeline.options.command_line import option_names
 from vlnpe.pipeline.options.convert import Convert
 from vlnpe.pipeline.options.evaluate import Evaluate
 from vlnpe.pipeline.options.instructions import Instruct
@@ -96,7 +98,7 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize("arguments", [[], ["repair"], ["repair", "a", "--sed", "1"]])
+@pytest.mark.parametrize("arguments", [[], ["repair"], ["collect", "--robot"]])
 def test_bad_calls_exit_with_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -111,6 +113,47 @@ def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[s
     (line,) = capsys.readouterr().err.splitlines()
     said = "vlnpe: error: unknown command 'colect' (did you mean collect?); valid: ablate, align, "
     assert line.startswith(said)
+
+
+@pytest.mark.parametrize("name", VERBS)
+def test_an_unknown_option_is_answered_with_one_line(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also where arguments that the command needs are missing."""
+    assert main([name, "--foo_bar", "1"]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("vlnpe: error: unknown option '--foo_bar'; ")
+    assert line.endswith(f"vlnpe {name} --help lists the valid ones")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["collect", "--robott", "h1"], "unknown option '--robott' (did you mean --robot?); "),
+        (["convert", "data", "--too=mcap"], "unknown option '--too' (did you mean --to?); "),
+        (["robots", "--no_jsn"], "unknown option '--no_jsn' (did you mean --no-json?); "),
+        (["sample", "--radius", "1"], "'--radius' (did you mean --robot-radius-m?); "),
+        (["collect", "--cam", "top", "h1"], "unknown option '--cam' (did you mean --camera?); "),
+        (["collect", "h1"], "unknown argument 'h1'; "),
+        (["doctor", "-x"], "unknown option '-x'; "),
+        (["--foo"], "unknown option '--foo'; "),
+    ],
+)
+def test_a_misspelt_option_suggests_the_closest(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said in line
+    assert " --help lists the valid ones" in line
+
+
+@pytest.mark.filterwarnings("ignore:get_parser")
+@pytest.mark.parametrize("name", VERBS)
+def test_valid_options_are_those_of_the_parser(name: str) -> None:
+    record = VERBS[name].options()
+    parser = tyro.extras.get_parser(record, config=(tyro.conf.OmitArgPrefixes,))
+    assert option_names(record) == set(parser._option_string_actions) - {"-h"}
 
 
 @pytest.mark.parametrize("words", [["filter"], ["align", "--scenes", "scenes"]])

@@ -78,7 +78,7 @@ def test_episodes_keep_room_for_the_widest_robot(tmp_path: Path) -> None:
     wide = replace(make_cart(), name="wide", footprint_radius_m=0.5)
     assert _widened(plain, [narrow], ledger) == plain
     both = _widened(plain, [narrow, wide], ledger)
-    assert both.robot_radius_m == both.end_clearance_m == 0.5
+    assert both.robot_radius_m == both.ends_m == 0.5
     ledger.add(Row("sample", "scene", "k", "done", facts={"robot_radius_m": 0.5}))
     # A narrower robot that joins later walks the same episodes.
     assert _widened(plain, [narrow], ledger) == both

@@ -171,6 +171,7 @@ def test_instancing_bomb_ends_in_an_error(tmp_path: Path) -> None:
         reader_child.read_in_child("usd", tmp_path / "scene.usda", seconds=4)
 
 
+@pytest.mark.chain
 @pytest.mark.parametrize(
     "raw", [b"", b"#usda 1.0\ndef Mesh {", b"PXR-USDC" + b"\xff" * 200, b"hello"]
 )

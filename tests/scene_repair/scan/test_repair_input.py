@@ -263,6 +263,7 @@ def test_category_from_name(name: str, category: str) -> None:
     assert category_of_name(name) == category
 
 
+@pytest.mark.chain
 def test_own_labels(tmp_path: Path) -> None:
     table = {"name": "T1", "category": "table", "lower": [0.9, 0, -2.1], "upper": [2.1, 0.8, -0.9]}
     kitchen = {"name": "K", "category": "room:kitchen", "lower": [0, 0, -4], "upper": [5, 3, 0]}
