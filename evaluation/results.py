@@ -183,6 +183,7 @@ class Comparison:
         lost, won: uids of episodes that only the first, only the second succeeded in.
         p_value: exact McNemar test on success; it takes episodes for independent.
         differences: second minus first, per column, with the interval of the paired difference.
+        warnings: what else differs than the policies.
     """
 
     names: tuple[str, str]
@@ -192,6 +193,7 @@ class Comparison:
     won: tuple[str, ...]
     p_value: float
     differences: dict[str, Interval]
+    warnings: tuple[str, ...]
 
 
 def compare(
@@ -223,6 +225,23 @@ def compare(
         tuple(uids[k] for k in flips.won),
         flips.p_value,
         differences,
+        _warnings(first, second, same_episodes=a.keys() == b.keys()),
+    )
+
+
+def _warnings(
+    first: Mapping[str, Any], second: Mapping[str, Any], *, same_episodes: bool
+) -> tuple[str, ...]:
+    """Return what makes the walks of two results differ beside their policies.
+
+    Results of earlier versions lack the digests, about which nothing is said then.
+    """
+    texts = {"gait_sha256": "the robots walked with two gaits"}
+    if same_episodes:
+        texts["instructions_sha256"] = "the episodes have the same names but other instructions"
+    a, b = (results.get("setting", {}) for results in (first, second))
+    return tuple(
+        text for key, text in texts.items() if a.get(key) and b.get(key) and a[key] != b[key]
     )
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from benchmarks.dataset import TRAINING, UNSEEN
 from benchmarks.evidence import cells, digest
 from benchmarks.evidence.figures import figures
-from benchmarks.evidence.page import page
+from benchmarks.evidence.page import NAME, page
 from benchmarks.evidence.plan import tables
 from benchmarks.evidence.records import Row, Table
 from vlnpe.formats.core.atomic import atomic_file
@@ -44,6 +44,7 @@ def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int
     parser.add_argument("--settings", type=Path, default=cells.SETTINGS, help="YAML file")
     parser.add_argument("--workers", type=int, default=0, help="of evaluations; 0: one per core")
     parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
+    parser.add_argument("--name", default=NAME, help="of the page and its files, without ending")
     parser.add_argument("--only-page", action="store_true", help="measure nothing")
     options = parser.parse_args(arguments)
     try:
@@ -54,10 +55,10 @@ def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int
 
 
 def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> int:
-    source = options.docs / "evidence.json"
+    source = options.docs / f"{options.name}.json"
     published = digest.read(source) if source.is_file() else None
     if options.only_page:
-        _write_page(options.docs, published or digest.read(source))
+        _write_page(source, published or digest.read(source))
         return 0
     settings = cells.read_settings(options.settings)
     bench = cells.Bench(
@@ -109,7 +110,7 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
     finally:  # also when it is interrupted
         value = digest.collect(measured, every, reasons, published)
         digest.write(source, value)
-        _write_page(options.docs, value)
+        _write_page(source, value)
     return int(bool(failed))
 
 
@@ -127,14 +128,15 @@ def _training_run(data: Path) -> Path:
     return found[0].parents[1]
 
 
-def _write_page(docs: Path, value: Mapping[str, Any]) -> None:
+def _write_page(source: Path, value: Mapping[str, Any]) -> None:
+    """Write the page of a compact file and its figures beside it."""
     every = tables(len(value["training_scenes"]))
     drawn = figures(value, every)
-    for name, content in drawn.items():
-        with atomic_file(docs / name) as temporary:
+    for key, content in drawn.items():
+        with atomic_file(source.with_name(f"{source.stem}-{key}.svg")) as temporary:
             temporary.write_bytes(content)
-    with atomic_file(docs / "evidence.md") as temporary:
-        temporary.write_text(page(value, every, drawn))
+    with atomic_file(source.with_suffix(".md")) as temporary:
+        temporary.write_text(page(value, every, drawn, source.stem))
 
 
 if __name__ == "__main__":

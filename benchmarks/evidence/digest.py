@@ -16,10 +16,11 @@ from vlnpe.evaluation.results import COLUMNS, by_uid, read_results, uid_of
 from vlnpe.formats.core.atomic import atomic_file, file_digest
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.learning.card import read_card
+from vlnpe.pipeline.engine import work
 
 FORMAT = "vlnpe-evidence/2"
 SAME_LOSS = 0.005  # relative, of one training on two machines; two seeds differ by about 0.02
-_SAME = ("metrics", "settings", "training_scenes", "episodes")
+_SAME = ("metrics", "settings", "training_scenes", "episodes", "instructions_sha256")
 
 
 def collect(
@@ -42,8 +43,9 @@ def collect(
         published: content of the compact file so far, whose notes stay.
 
     Raises:
-        InputError: A results file does not hold the episodes that were asked for, or a table's
-            cells are of different recordings of the same walks, or of different trainings.
+        InputError: A results file does not hold the episodes that were asked for, a robot walked
+            its tests with several gaits, or a table's cells are of different recordings of the
+            same walks, or of different trainings.
     """
     episodes = asked(bench)
     uids = [uid_of(e.split, e.scene_id, e.episode_id) for e in episodes]
@@ -63,19 +65,40 @@ def collect(
         },
         "training_scenes": list(bench.scenes),
         "episodes": [[e.split, e.scene_id, e.trajectory_id, e.episode_id] for e in episodes],
+        "instructions_sha256": work.digest([e.instruction for e in episodes]),
         "seeds": list(bench.settings.seeds),
         "missing": dict(missing),
         "notes": list(published.get("notes", ())) if published else [],
         "cells": cells,
     }
-    return _with_published(value, published, tables) if published else value
+    if published:
+        value = _with_published(value, published, tables)
+    _check_gaits(value, tables)
+    return value
+
+
+def _check_gaits(value: Mapping[str, Any], tables: Mapping[int, Table]) -> None:
+    """Raise InputError if the tests of a robot were walked with several gaits."""
+    gaits: dict[str, str | None] = {}
+    seeds: list[int] = value["seeds"]
+    for row, seed in product(_rows(tables), seeds):
+        cell, test = value["cells"].get(row.cell(seed)), row.test
+        if cell is None or test.controller == "flash":
+            continue
+        # Pages of earlier versions do not say which gait.
+        gait = cell.get("gait_sha256", "unknown")
+        if gait != gaits.setdefault(test.robot, gait):
+            raise InputError(
+                f"{row.cell(seed)}: {test.robot} walked with another gait than in further cells; "
+                "measure them again, or write a page of its own with --name"
+            )
 
 
 def _with_published(
     value: dict[str, Any], published: Mapping[str, Any], tables: Mapping[int, Table]
 ) -> dict[str, Any]:
     """Return the value with the published cells of the same bench that it lacks."""
-    if any(value[key] != published[key] for key in _SAME):
+    if any(value[key] != published.get(key) for key in _SAME):
         return value
     seeds = sorted({*value["seeds"], *published["seeds"]})
     cells = {**published["cells"], **value["cells"]}
@@ -178,8 +201,13 @@ def _cell(path: Path, uids: list[str]) -> dict[str, Any]:
     if lost:
         raise InputError(f"{path}: lacks {len(lost)} episodes, for example {lost[0]}")
     values = [[round(COLUMNS[m][1](episodes[uid]), 2) for m in METRICS] for uid in uids]
-    cell = {"results_sha256": file_digest(path), "values": values}
-    checkpoint = checkpoint_path(str(found["setting"]["policy"]))
+    setting = found["setting"]
+    cell = {
+        "results_sha256": file_digest(path),
+        "gait_sha256": setting.get("gait_sha256"),
+        "values": values,
+    }
+    checkpoint = checkpoint_path(str(setting["policy"]))
     if checkpoint is not None:
         card, digest = read_card(checkpoint)
         cell |= {

@@ -27,7 +27,7 @@ _ROW_IN = 0.2  # height of a row of `_rates`
 
 
 def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, bytes]:
-    """Return the SVG files by name, those that have something to show.
+    """Return the SVG pictures by key, those that have something to show.
 
     Args:
         value: content of the compact file.
@@ -38,9 +38,9 @@ def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, 
     measured = {table: _measured(value, table) for table in tables.values()}
     with matplotlib.rc_context(_STYLE):
         drawn = {
-            "evidence-rates.svg": _rates(measured),
-            "evidence-amount.svg": _amount(value, measured[tables[AMOUNT]]),
-            "evidence-curves.svg": _curves(value),
+            "rates": _rates(measured),
+            "amount": _amount(value, measured[tables[AMOUNT]]),
+            "curves": _curves(value),
         }
         return {name: _svg(figure) for name, figure in drawn.items() if figure is not None}
 

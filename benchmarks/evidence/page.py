@@ -24,13 +24,15 @@ from vlnpe.learning.ablation.intervals import Difference
 
 SHOWN = ("SR", "OS", "SPL", "NE", "CR", "FR", "StR")
 PHYSICAL = {"FR", "StR"}  # cannot happen to an agent without a body
+NAME = "evidence"  # of the page, unless another is asked for
 _HEAD = """# What the data is worth
 
-Written by `make evidence` from `evidence.json`; do not edit. Each row is a policy that was trained
-(once per seed) and then walked the same unseen episodes in closed loop. Cells are means with 95 %
-intervals over seeds and scenes (`benchmarks/evidence/judge.py`): the variance over seeds and that
-over scenes and paths (clustered bootstrap) are added, and the width is Student's t. A row with one
-seed has an interval over scenes and paths alone. Differences are paired by episode. A claim is
+Written by `make evidence` from `{name}.json`; do not edit. Each row is a policy, trained (once per
+seed) unless it is `random`, `forward` or `oracle`, that walked the same unseen episodes in closed
+loop. SR and the other metrics are explained in [evaluation.md](evaluation.md). Cells are means with
+95 % intervals over seeds and scenes (`benchmarks/evidence/judge.py`): the variance over seeds and
+that over scenes and paths (clustered bootstrap) are added, and the width is Student's t. A row with
+one seed has an interval over scenes and paths alone. Differences are paired by episode. A claim is
 **reproduced** (**shown**, where VLN-PE does not report it) if the interval of its difference lies
 above zero, **contradicted** if it lies below, and **not shown** otherwise; claims are not corrected
 for their number. What was tuned, and on which scenes: [training.md](training.md).
@@ -42,21 +44,31 @@ that touched anything. No row under `flash` says how a robot would fare.
 
 
 _CAPTIONS = {
-    "evidence-rates.svg": "SR of every measured row with its 95 % interval",
-    "evidence-amount.svg": "SR against the number of paths that were trained on",
-    "evidence-curves.svg": "Single actions right, given the true steps before, in the course of "
-    "every training",
+    "rates": "SR of every measured row with its 95 % interval",
+    "amount": "SR against the number of paths that were trained on",
+    "curves": "Single actions right, given the true steps before, in the course of every training",
 }
 
 
-def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collection[str]) -> str:
+def page(
+    value: Mapping[str, Any],
+    tables: Mapping[int, Table],
+    figures: Collection[str],
+    name: str = NAME,
+) -> str:
     """Return the page.
+
+    Tables without a measured row are named only.
 
     Args:
         value: content of the compact file.
         tables: all of them by number.
-        figures: file names of the figures that lie beside the page.
+        figures: keys of the figures that lie beside the page.
+        name: of the page and its files, without ending.
     """
+    every = tables.values()
+    tables = {n: t for n, t in tables.items() if any(r.cell(0) in value["cells"] for r in t.rows)}
+    absent = [f"{t.number}. {t.title}" for t in every if t.number not in tables]
     scenes = sorted({episode[1] for episode in value["episodes"]})
     settings, train = value["settings"], value["settings"]["train"]
     rounds = settings["dagger_rounds"]
@@ -75,15 +87,17 @@ def page(value: Mapping[str, Any], tables: Mapping[int, Table], figures: Collect
         "by as many steps"
     )
     parts = [
-        _HEAD,
+        _HEAD.format(name=name),
         f"Training scenes: {len(value['training_scenes'])}. Test: {len(value['episodes'])} "
         f"episodes in {len(scenes)} unseen scenes ({scenes[0]} … {scenes[-1]}), one instruction "
-        f"each. Every training: {train['steps']} steps of {train['batch']} episodes, images of "
+        f"each. Every training: {train['steps']} steps of {train['batch']} episodes (twice the "
+        "steps: twice as many; equal passes: as many for each robot), images of "
         f"{train['size_px']} px{corrected if rounds else ''}.\n",
         *(f"{note}\n" for note in value.get("notes", ())),
         "## Summary\n",
         _summary(value, tables, judged),
-        *(f"![{text}]({name})\n" for name, text in _CAPTIONS.items() if name in figures),
+        *([f"Tables {UNMEASURED}: {' · '.join(absent)}.\n"] if absent else []),
+        *(f"![{text}]({name}-{key}.svg)\n" for key, text in _CAPTIONS.items() if key in figures),
         *(
             _section(value, table, judged[n], measured, others.get(n, []), trained)
             for n, table in tables.items()
@@ -181,11 +195,11 @@ def _unmeasured(what: str, reasons: Mapping[str, str]) -> list[str]:
     by_reason: dict[str, list[str]] = {}
     for name, why in reasons.items():
         by_reason.setdefault(why, []).append(name)
-    told = [
+    lines = [
         f"{what} {UNMEASURED}{f' ({why})' if why else ''}: {' · '.join(names)}."
         for why, names in by_reason.items()
     ]
-    return [" ".join(told), ""] if told else []
+    return [" ".join(lines), ""] if lines else []
 
 
 def _judged(value: Mapping[str, Any], table: Table, claim: Claim) -> tuple[str, str]:

@@ -113,7 +113,7 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
     )
     assert "CMA is better than chance (CMA − random) | SR +100.0" in text and "reproduced" in text
     assert "not measured (no data of h1/speed" in text and "not measured (the data has 3" in text
-    # What was measured comes first, and all that was not is one line.
+    # What was measured comes first, all that was not is one line, and no table is empty.
     assert "| not measured" not in text and "| 0 |" not in text
     assert re.search(r"^Rows not measured.*: .*h1 → vlnce.*aliengo → vlnce", text, re.MULTILINE)
     assert re.search("^Claims not measured: .*the humanoid falls", text, re.MULTILINE)
@@ -130,7 +130,8 @@ def test_cells_are_made_once_and_the_page_says_what_is_missing(run: Path, tmp_pa
     assert command.main([*arguments, "--only-page"]) == 0
     noted = (tmp_path / "docs" / "evidence.md").read_text()
     assert "Measured on a Sunday." in noted and "no data of vlnce/flash" not in noted
-    assert "H1, flash" in noted
+    assert "## 2. Trained on flash data" in noted and "## 3. " not in noted
+    assert "\nTables not measured: 3. Training and testing" in noted
     assert command.main(arguments, commands) == 0
     assert json.loads(file.read_text())["notes"] == ["Measured on a Sunday."]
     value["notes"] = []
@@ -237,6 +238,31 @@ def test_cells_of_one_training_are_of_the_same_data_and_losses(
         digest.collect(bench, tables(3), {}, {**value, "cells": published})
 
 
+@pytest.mark.parametrize("other", [{"gait_sha256": "2"}, {}], ids=["another gait", "unknown gait"])
+def test_a_robot_walks_all_its_tests_with_one_gait(
+    run: Path, tmp_path: Path, other: dict[str, Any]
+) -> None:
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
+    value = digest.collect(bench, tables(3), {})
+    cell = {"values": [], "gait_sha256": "1"}
+    names = ("random-s0--h1-speed-baked", "forward-s0--h1-speed-baked")
+    same = dict.fromkeys(names, cell)
+    assert digest.collect(bench, tables(3), {}, {**value, "cells": same})["cells"] == same
+    with pytest.raises(InputError, match=r"another gait than in further cells.*--name"):
+        mixed = {names[0]: cell, names[1]: {"values": [], **other}}
+        digest.collect(bench, tables(3), {}, {**value, "cells": mixed})
+    # Texts that changed make other tests of the same paths.
+    changed = {**value, "cells": same, "instructions_sha256": "former"}
+    assert not digest.collect(bench, tables(3), {}, changed)["cells"]
+
+
+def test_a_page_may_have_another_name(run: Path, tmp_path: Path) -> None:
+    arguments = [*call(run, tmp_path), "--rows", "random", "--name", "evidence-of-mine"]
+    assert command.main(arguments, Commands()) == 0
+    assert "from `evidence-of-mine.json`" in (tmp_path / "evidence-of-mine.md").read_text()
+    assert not (tmp_path / "evidence.json").exists()
+
+
 def test_a_table_of_another_collection_says_so(run: Path, tmp_path: Path) -> None:
     bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
     value = digest.collect(bench, tables(3), {})
@@ -335,25 +361,22 @@ def test_the_amount_is_drawn_by_the_paths_trained_on() -> None:
         "episodes": [["val_unseen", f"home-{k // 2}", str(k), str(k)] for k in range(6)],
     }
     drawn = figures(value, tables(20))
-    assert set(drawn) == {"evidence-rates.svg", "evidence-amount.svg", "evidence-curves.svg"}
-    text = texts(drawn["evidence-amount.svg"])
+    assert set(drawn) == {"rates", "amount", "curves"}
+    text = texts(drawn["amount"])
     assert {"271", "548", "paths trained on", "more scenes"} <= set(text)
     assert "more paths in the same scenes" not in text
     fewer = {name: cell for name, cell in cells_of_rows.items() if cell["episodes"] == 548}
-    assert set(figures({**value, "cells": fewer}, tables(20))) == {
-        "evidence-rates.svg",
-        "evidence-curves.svg",
-    }
+    assert set(figures({**value, "cells": fewer}, tables(20))) == {"rates", "curves"}
 
 
-def test_the_page_is_what_its_results_say() -> None:
-    source = DOCS / "evidence.json"
-    if not source.is_file():
-        pytest.skip("no results are published yet")
+@pytest.mark.parametrize("source", sorted(DOCS.glob("evidence*.json")), ids=lambda path: path.stem)
+def test_the_page_is_what_its_results_say(source: Path) -> None:
     value = digest.read(source)
     drawn = figures(value, tables(20))
-    assert (DOCS / "evidence.md").read_text() == page(value, tables(20), drawn)
-    shown = {path.name: texts(path.read_bytes()) for path in DOCS.glob("evidence-*.svg")}
-    assert shown == {name: texts(content) for name, content in drawn.items()}
+    shown = source.with_suffix(".md").read_text()
+    assert shown == page(value, tables(20), drawn, source.stem)
+    for key, content in drawn.items():
+        assert f"]({source.stem}-{key}.svg)" in shown
+        assert texts((DOCS / f"{source.stem}-{key}.svg").read_bytes()) == texts(content)
     for cell in value["cells"].values():
         assert np.array(cell["values"]).shape == (len(value["episodes"]), len(value["metrics"]))
