@@ -2,6 +2,7 @@
 
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Sequence
@@ -13,13 +14,22 @@ from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 # One worker takes an episode through these stages; each begins when the one before it has written.
 EPISODE_STAGES = {"replay": "", "render": "rollouts", "export": "frames", "mcap": "units"}
 EPISODES = "episodes"  # the name of their common progress
+# In a pipe, a stage is told of only after a while: here when it begins.
+PROMPT = """
+import sys
+from vlnpe.formats.core import progress
+from vlnpe.pipeline.cli import main
+
+progress.SHORT_S = 0.0
+sys.exit(main())
+"""
 
 
 def kill_in(command: Sequence[str], run: Path, stage: str, delay_s: float) -> bool:
     """Start a command and SIGKILL it some time after a stage has begun.
 
     Args:
-        command: The command.
+        command: One of `tiny_run.command`.
         run: Folder it works in.
         stage: Name of the stage.
         delay_s: How long after its beginning [s].
@@ -27,8 +37,10 @@ def kill_in(command: Sequence[str], run: Path, stage: str, delay_s: float) -> bo
     Returns:
         Whether the command was killed; it may have ended before.
     """
+    assert command[: len(tiny_run.VLNPE)] == list(tiny_run.VLNPE)
     process = subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+        [sys.executable, "-c", PROMPT, *command[len(tiny_run.VLNPE) :]],
+        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
         env=tiny_run.environment(),
     )  # fmt: skip
     assert process.stderr is not None

@@ -14,6 +14,7 @@ STAGES = (
     "repair", "soundness", "sample", "look", "instruct", "replay", "render", "export", "mcap",
     "dataset", "pictures", "report",
 )  # fmt: skip
+VLNPE = (sys.executable, "-m", "vlnpe.pipeline.cli")
 TINY = (
     *("--episodes", "2", "--min-length-m", "2", "--min-crossings", "0"),
     *("--robot", "vlnce", "--camera", "ego:64x48:90"),
@@ -28,7 +29,7 @@ def write_scan(path: Path) -> Path:
 def command(scan: Path, out: Path, *options: object) -> list[str]:
     """Return the command that collects the run."""
     given = ("collect", "--scene", scan, *TINY, "--out", out, *options)
-    return [sys.executable, "-m", "vlnpe.pipeline.cli", *map(str, given)]
+    return [*VLNPE, *map(str, given)]
 
 
 def environment(**changes: str) -> dict[str, str]:
@@ -55,7 +56,7 @@ def run(arguments: list[str], **changes: str) -> subprocess.CompletedProcess[str
 
 def vlnpe(*arguments: object) -> subprocess.CompletedProcess[str]:
     """Run any command of vlnpe to its end."""
-    return run([sys.executable, "-m", "vlnpe.pipeline.cli", *map(str, arguments)])
+    return run([*VLNPE, *map(str, arguments)])
 
 
 def prepare(finished: Path, out: Path) -> Path:
