@@ -90,8 +90,8 @@ def page(
         _HEAD.format(name=name),
         f"Training scenes: {len(value['training_scenes'])}. Test: {len(value['episodes'])} "
         f"episodes in {len(scenes)} unseen scenes ({scenes[0]} … {scenes[-1]}), one instruction "
-        f"each. Every training: {train['steps']} steps of {train['batch']} episodes (twice the "
-        "steps: twice as many; equal passes: as many for each robot), images of "
+        f"each. Every training makes {train['steps']} steps of {train['batch']} episodes (rows "
+        f"with more steps say so; with equal passes, {train['steps']} for each robot) on images of "
         f"{train['size_px']} px{corrected if rounds else ''}.\n",
         *(f"{note}\n" for note in value.get("notes", ())),
         "## Summary\n",

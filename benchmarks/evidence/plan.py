@@ -242,9 +242,12 @@ def _camera() -> Table:
 
 
 def _amount(training_scenes: int) -> Table:
-    rows = [
-        Row(f"{n} scenes", FULL if n == training_scenes else Training(scenes=n))
-        for n in (10, 20, 40, 80)
+    amounts = {n: 0 if n == training_scenes else n for n in (10, 20, 40, 80)}
+    rows = [Row(f"{n} scenes", Training(scenes=scenes)) for n, scenes in amounts.items()]
+    longer = "three times the steps"
+    rows += [
+        Row(f"{n} scenes, {longer}", Training(scenes=scenes, longer=3))
+        for n, scenes in amounts.items()
     ]
     parts = {"quarter": 0.25, "half": 0.5}
     rows += [
@@ -252,17 +255,19 @@ def _amount(training_scenes: int) -> Table:
         for name, part in parts.items()
     ]
     rows.append(Row("all scenes and paths", FULL))
-    claims = (
-        Claim("20 scenes are better than 10", "SR", "20 scenes", "10 scenes", published=False),
-        Claim("40 scenes are better than 10", "SR", "40 scenes", "10 scenes", published=False),
-        Claim(
-            "all paths are better than a quarter",
-            "SR",
-            "all scenes and paths",
-            "all scenes, quarter of their paths",
-            published=False,
-        ),
-    )
+    pairs = [
+        (f"{n} scenes are better than 10{end}", f"{n} scenes{end}", f"10 scenes{end}")
+        for end in ("", f", {longer}")
+        for n in (20, 40, 80)
+    ]
+    pairs += [
+        (f"{longer} are better, of {n} scenes", f"{n} scenes, {longer}", f"{n} scenes")
+        for n in (10, 80)
+    ]
+    everything = "all scenes and paths"
+    quarter = "all scenes, quarter of their paths"
+    pairs.append(("all paths are better than a quarter", everything, quarter))
+    claims = tuple(Claim(text, "SR", more, less, published=False) for text, more, less in pairs)
     return Table(7, "How much data", tuple(rows), claims, "It has no such table.")
 
 

@@ -372,9 +372,10 @@ def test_the_amount_is_drawn_by_the_paths_trained_on() -> None:
 @pytest.mark.parametrize("source", sorted(DOCS.glob("evidence*.json")), ids=lambda path: path.stem)
 def test_the_page_is_what_its_results_say(source: Path) -> None:
     value = digest.read(source)
-    drawn = figures(value, tables(20))
+    every = tables(len(value["training_scenes"]))
+    drawn = figures(value, every)
     shown = source.with_suffix(".md").read_text()
-    assert shown == page(value, tables(20), drawn, source.stem)
+    assert shown == page(value, every, drawn, source.stem)
     for key, content in drawn.items():
         assert f"]({source.stem}-{key}.svg)" in shown
         assert texts((DOCS / f"{source.stem}-{key}.svg").read_bytes()) == texts(content)
