@@ -40,9 +40,7 @@ from ...evaluation.results import (
 from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.checkout import program
-from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, check_name
-from ...formats.vlnce.files import read_episodes
+from ...formats.core.errors import InputError
 from ...learning.card import read_card
 from ..engine.context import open_context
 from ..engine.ledger import Row
@@ -50,6 +48,7 @@ from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
 from ..engine.work import digest
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_all
+from ..inputs.episodes import asked_episodes
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
 from ..stages import evaluate, export, policy_report, render, repair, replay
@@ -202,37 +201,6 @@ def run_compare(options: Compare) -> int:
         lines.append(f"  {name:<5} {change.mean:+8.{d}f} {COLUMNS[name][0]:<2}{bounds}".rstrip())
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
-
-
-def asked_episodes(
-    given: Path, scenes_folder: Path | None, split: str | None
-) -> tuple[list[Episode], Path]:
-    """Return the episodes of a run or an episode file, and the folder of their scenes.
-
-    Args:
-        given: run folder, or episode file.
-        scenes_folder: of the repaired scenes; the run's own when None.
-        split: only this one; all when None.
-
-    Raises:
-        InputError: they cannot be found, or there is no such split.
-    """
-    if not given.exists():
-        raise InputError(f"{given}: no such file or folder")
-    # A run's episodes, or a folder of nothing but episode files.
-    inside = given / "episodes" if (given / "episodes").is_dir() else given
-    files = sorted(inside.glob("*.json.gz")) if given.is_dir() else [given]
-    if not files:
-        raise InputError(f"{given}: contains no episodes/*.json.gz; give a run or an episode file")
-    scenes = scenes_folder or (given / "scenes" if given.is_dir() else None)
-    if scenes is None:
-        raise InputError(f"{given} is an episode file; give its scenes with --scenes FOLDER")
-    episodes = [episode for path in files for episode in read_episodes(path)]
-    splits = {episode.split for episode in episodes}
-    if split is not None:
-        check_name("split", split, splits)
-        episodes = [e for e in episodes if e.split == split]
-    return episodes, scenes
 
 
 def _warn_of_other_training(policy: str, robot: str, controller: str, light: str) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
 from ...instruction_gen.instruct import Levels
@@ -18,6 +19,7 @@ from ..engine.context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest, work_item
+from ..inputs.episodes import episode_files, scenes_of
 from ..jobs.instructions.instruct import CACHE, OBJECTS, InstructJob, read_facts, read_sights
 from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct
@@ -37,13 +39,18 @@ def run(options: Instruct) -> int:
         InputError: If an option is invalid, or a file or folder cannot be used.
     """
     config = instruct_config(options)
-    asked = read_episodes(options.episodes)
-    rows = repair.rows_of(options.scenes)
+    source, *more = episode_files(options.episodes)
+    if more:
+        names = ", ".join(map(str, (source, *more)))
+        raise InputError(f"{options.episodes}: has several episode files; valid: one of {names}")
+    scenes = scenes_of(options.episodes, options.scenes)
+    asked = read_episodes(source)
+    rows = repair.rows_of(scenes)
     by_scene: dict[str, list[Episode]] = {}
     for episode in asked:
         by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
-    repair.demand(by_scene, rows, options.scenes)
-    out, scenes = options.out.resolve(), options.scenes.resolve()
+    repair.demand(by_scene, rows, scenes)
+    out, scenes = options.out.resolve(), scenes.resolve()
     vision = None
     if options.vision:
         vision = settings_from(

@@ -9,6 +9,7 @@ from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.review.server import Review, make_server
 from ..engine.context import LEDGERS
+from ..inputs.episodes import scenes_of
 from ..jobs.instructions.instruct import OBJECTS, read_objects
 from ..jobs.reviewed import REVIEW_NAME
 from ..options.instructions import Review as ReviewOptions
@@ -48,9 +49,7 @@ def opened(options: ReviewOptions) -> Review:
         records = source / "facts"
     else:
         files, folder = [source], source.parent
-        if options.scenes is None:
-            raise InputError("--scenes is needed with an episode file")
-        scenes = options.scenes
+        scenes = scenes_of(source, options.scenes)
         whole = source.resolve()
         records = whole.parent / LEDGERS / whole.name
     if not files:

@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.rendering.registry import chosen_renderer
-from ...formats.core.errors import FileFormatError, InputError, check_name
+from ...formats.core.errors import FileFormatError, check_name
 from ...formats.video.mp4 import check_rgb_codec
-from ...formats.vlnce.files import read_episodes
 from ...formats.vlnce.groups import group_by_path
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.episodes import asked_episodes, scenes_of
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
@@ -31,9 +31,10 @@ def run_replay(options: Replay) -> int:
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
-    asked = group_by_path(read_episodes(options.episodes))
-    scenes = repair.rows_of(options.scenes)
-    repair.demand({e.scene_id for e in asked}, scenes, options.scenes)
+    episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, None)
+    asked = group_by_path(episodes)
+    scenes = repair.rows_of(scenes_folder)
+    repair.demand({e.scene_id for e in asked}, scenes, scenes_folder)
     summaries = []
     with open_context(options.out, options) as context:
         root = context.ledger.root
@@ -42,7 +43,7 @@ def run_replay(options: Replay) -> int:
             config = replay.config(found_by[robot], controller, options.seed, actions)
             label = replay.label_of(context.ledger, config)
             items = replay.items(
-                asked, scenes, options.scenes.resolve(), root, root / "models", config, label
+                asked, scenes, scenes_folder.resolve(), root, root / "models", config, label
             )
             summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{label}/"))
         context.ledger.record_new(root / "models")
@@ -61,9 +62,7 @@ def run_render(options: Render) -> int:
     check_rgb_codec(options.rgb_codec)
     chosen_renderer(options.renderer)
     source = Ledger.existing(options.rollouts)
-    scenes_folder = options.scenes or options.rollouts / "scenes"
-    if options.scenes is None and not scenes_folder.is_dir():
-        raise InputError(f"{options.rollouts}: contains no scenes/; give it with --scenes FOLDER")
+    scenes_folder = scenes_of(options.rollouts, options.scenes)
     scenes = repair.rows_of(scenes_folder)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
     walks = [row for row in source.rows(replay.STAGE) if row.status == "done"]
@@ -120,7 +119,7 @@ def run_export(options: Export) -> int:
     """
     export.check_depth_storage(options.depth)
     source = Ledger.existing(options.frames)
-    root, folder = source.root.resolve(), options.scenes.resolve()
+    root, folder = source.root.resolve(), scenes_of(options.frames, options.scenes).resolve()
     groups: dict[tuple[str, ...], dict[str, Row]] = {}
     for row in source.rows(render.STAGE):
         if row.status == "done":

@@ -13,9 +13,9 @@ class Instruct(Parallel, Wording):
     """Write instructions for the episodes that have none."""
 
     episodes: tyro.conf.Positional[Path]
-    """Episode file of `sample` or `align`."""
-    scenes: Path
-    """Folder of repaired scenes."""
+    """Episode file of `sample` or `align`, or run folder of `collect`."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
     out: Path = Path("instructed.json.gz")
     """Episode file to write."""
     per_instruction: bool = False
@@ -43,7 +43,7 @@ class Review:
     """Review the instructions of a run on a local page (127.0.0.1); decisions apply at export."""
 
     run: tyro.conf.Positional[Path]
-    """A run folder, or an episode file of `instruct` (then --scenes is required)."""
+    """A run folder, or an episode file of `instruct` (outside of a run, --scenes is required)."""
     scenes: Path | None = None
     """Folder of repaired scenes; by default the run's."""
     decisions: Path | None = None

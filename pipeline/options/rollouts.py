@@ -14,9 +14,9 @@ class Replay(Running, Driving):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
-    """Episode file written by `instruct`, `sample` or `align`."""
-    scenes: Path
-    """Folder of repaired scenes."""
+    """Episode file written by `instruct`, `sample` or `align`, or run folder of `collect`."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
     out: Path = Path("rollouts")
     """Output folder; rollouts are written to <robot>/<controller>/<episode>.mcap in it."""
     robot: str = "aliengo"
@@ -33,7 +33,7 @@ class Render(Running, Drawing):
     rollouts: tyro.conf.Positional[Path]
     """Folder written by `replay`, or run folder of `collect`."""
     scenes: Path | None = None
-    """Folder of repaired scenes; defaults to scenes/ in the first folder."""
+    """Folder of repaired scenes; by default the run's."""
     episode: str | None = None
     """Only the walks of this episode, named as in the report."""
     out: Path = Path("frames")
@@ -60,8 +60,8 @@ class Export(Running, DatasetFormat):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]
-    """Folder written by `render`."""
-    scenes: Path
-    """Folder of repaired scenes."""
+    """Folder written by `render`, or run folder of `collect`."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
     out: Path = Path("data")
     """Output folder; datasets are written to lerobot/<dataset>/ and mcap/<dataset>/ in it."""

@@ -21,9 +21,9 @@ from ....learning.training.corrections import write_correction
 from ....learning.training.curves import Validation
 from ....learning.training.session import Request, Result, train_recipe
 from ...inputs.crews import chosen_robots
+from ...inputs.episodes import asked_episodes
 from ...inputs.views import chosen_views
 from ...options.training import Train
-from ..evaluate import asked_episodes
 
 
 @dataclass(frozen=True)

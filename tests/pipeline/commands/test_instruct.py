@@ -125,6 +125,31 @@ def test_a_scene_that_cannot_be_looked_at_loses_its_own_episodes_alone(
     assert instruct(capsys, *given, "--max-failed", 1)[0] == 0
 
 
+def test_a_run_is_instructed_in_its_own_scenes(
+    scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The folder of the run, or one of its files; of several files one must be named."""
+    (tmp_path / "episodes").mkdir()
+    train = tmp_path / "episodes" / "train.json.gz"
+    write_episodes(train, [episode_along(EAST, "a")])
+    out = tmp_path / "out.json.gz"
+    options = ("--out", out, "--robot", "none")
+    for given in (tmp_path, train):
+        assert instruct(capsys, given, *options)[1]["episodes"] == 1
+    assert CountedWorkers.count_submitted == 1
+    unseen = shutil.copy(train, tmp_path / "episodes" / "val_unseen.json.gz")
+    assert main(["instruct", str(tmp_path), *map(str, options)]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.endswith(f"{tmp_path}: has several episode files; valid: one of {train}, {unseen}")
+    assert instruct(capsys, unseen, *options)[0] == 0
+    scenes.rename(tmp_path / "elsewhere")
+    for given, said in ((tmp_path, "contains no scenes/"), (train, "is a file outside of a run")):
+        unseen.unlink(missing_ok=True)
+        assert main(["instruct", str(given), *map(str, options)]) == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        assert str(given) in line and said in line and line.endswith("with --scenes FOLDER")
+
+
 def test_missing_scenes_are_named(
     scenes: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
