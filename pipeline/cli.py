@@ -22,7 +22,7 @@ from .engine.signals import (
     interruptible,
     without_interrupts,
 )
-from .options.command_line import COMPLETION, check_options, option_names, unknown_word
+from .options.command_line import COMPLETION, parsed, unknown_word
 from .store.address import store_url
 
 
@@ -109,30 +109,19 @@ def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
     Only the command that is named gets imported, and none for the list of commands.
 
     Raises:
-        InputError: There is no such command, or it has no such option.
+        InputError: There is no such command, or it has no such option or lacks one.
     """
     if arguments and arguments[0] in ("-h", "--help"):
         _overview().print_help()
         sys.exit(0)
-    import tyro
-
     if arguments and (verb := VERBS.get(arguments[0])):
-        record = verb.options()
-        check_options(verb.name, arguments[1:], record)
-        options, strays = tyro.cli(
-            record,
-            prog=f"vlnpe {verb.name}",
-            args=arguments[1:],
-            config=(tyro.conf.OmitArgPrefixes,),
-            return_unknown_args=True,
-        )
-        if strays:
-            raise unknown_word(verb.name, strays[0], option_names(record))
-        return verb, options
+        return verb, parsed(verb.name, arguments[1:], verb.options())
     if arguments and not arguments[0].startswith("-"):
         raise UnknownNameError("command", arguments[0], VERBS)
     if arguments and not arguments[0].startswith(COMPLETION):
         raise unknown_word("", arguments[0])
+    import tyro
+
     # A call without a command and shell completion need the options of all.
     records = {verb.options(): verb for verb in VERBS.values()}
     verbs = [

@@ -2,9 +2,9 @@
 
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, Field, fields
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError, brief, did_you_mean
@@ -16,6 +16,8 @@ LEFT_OUT = {
 }  # fmt: skip
 # Every command has the options of its parser for shell completion.
 COMPLETION = "--tyro-"
+HELP = {"-h", "--help"}
+ABSENT = "\0"  # what no word of a command line is
 
 
 def command_line(options: Any) -> str:
@@ -40,6 +42,60 @@ def command_line(options: Any) -> str:
         else:
             words += [f"--{one.name.replace('_', '-')}", str(value)]
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"
+
+
+def parsed(command: str, words: Sequence[str], record: type) -> Any:
+    """Return the options that a command's words set, as an instance of `record`; exit after help.
+
+    Tyro answers what is missing with many lines, so required options have a stand-in here.
+
+    Raises:
+        InputError: An option is unknown, or one that the command needs is missing.
+    """
+    check_options(command, words, record)
+    import tyro  # late, because the list of commands needs none of it
+
+    given = {word.split("=")[0].replace("_", "-") for word in words}
+    needed = [one for one in fields(record) if one.default is MISSING]
+    how: dict[str, Any] = {}
+    if not HELP & given:  # which says what is required
+        how["default"] = record(
+            **{f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
+        )
+    options, strays = tyro.cli(
+        record,
+        prog=f"vlnpe {command}",
+        args=words,
+        config=(tyro.conf.OmitArgPrefixes,),
+        return_unknown_args=True,
+        **how,
+    )
+    if strays:
+        raise unknown_word(command, strays[0], option_names(record))
+    missing = [
+        _option(one) or one.name.upper()
+        for one in needed
+        if (
+            _option(one) not in given if _option(one) else str(getattr(options, one.name)) == ABSENT
+        )
+    ]
+    if missing:
+        what = f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
+        raise InputError(f"{command}: {what}; see {program()} {command} --help")
+    return options
+
+
+def _option(one: Field[Any]) -> str:
+    """Return how a field is written as an option; empty for a positional argument."""
+    return "" if "Positional" in str(one.type) else f"--{one.name.replace('_', '-')}"
+
+
+def _stand_in(kind: Any) -> Any:
+    """Return a value of a type of required options, one that no user gives where it can be told."""
+    kind = get_args(kind)[0] if get_origin(kind) is Annotated else kind
+    if get_origin(kind) is Literal:
+        return get_args(kind)[0]
+    return () if get_origin(kind) is tuple else kind(ABSENT)
 
 
 def option_names(record: type) -> set[str]:

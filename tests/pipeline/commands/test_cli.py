@@ -98,7 +98,9 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize("arguments", [[], ["repair"], ["collect", "--robot"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["collect", "--robot"], ["convert", "data", "--to", "lerobott"]]
+)
 def test_bad_calls_exit_with_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -146,6 +148,28 @@ def test_a_misspelt_option_suggests_the_closest(
     (line,) = capsys.readouterr().err.splitlines()
     assert said in line
     assert " --help lists the valid ones" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["repair"], "repair: SCAN is missing"),
+        (["align", "a.json.gz"], "align: --scenes is missing"),
+        (["convert", "data"], "convert: --to is missing"),
+        (["convert", "--to=mcap"], "convert: SOURCE is missing"),
+        (["push"], "push: DATASET and --repo are missing"),
+        (["restore", "data", "--json"], "restore: --original is missing"),
+        (["train", "--seed", "1"], "train: RECIPE is missing"),
+        (["compare", "first"], "compare: SECOND is missing"),
+    ],
+)
+def test_a_missing_option_is_answered_with_one_line(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"vlnpe: error: {said}; see ")
+    assert line.endswith(f"vlnpe {words[0]} --help")
 
 
 @pytest.mark.filterwarnings("ignore:get_parser")
