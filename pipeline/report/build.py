@@ -148,6 +148,7 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
             "split": paths.episodes[name].split,
             "texts": len(texts_of(paths.episodes[name])),
             "path": paths.episodes[name].reference_length_m,
+            "shortest": paths.episodes[name].geodesic_distance_m,
             "instruction": paths.episodes[name].instruction,
             "walks": walks[name],
         }

@@ -126,6 +126,16 @@ def test_the_page_says_how_far_from_its_path_a_robot_was(root: Path) -> None:
         assert shown == pytest.approx(gaps.max(), abs=0.02)
 
 
+def test_the_page_says_how_long_the_shortest_way_is_beside_the_walk(root: Path) -> None:
+    page = (root / "report" / "index.html").read_text()
+    cells = 'data-label="Shortest m">(.*?)</td><td data-label="TL m">(.*?)<'
+    walks = root / "rollouts" / "aliengo" / "path"
+    rollouts = [read_rollout(walks / f"{name}.mcap") for name in ("good", "slow")]
+    expected = [(r.episode.geodesic_distance_m, r.metrics.trajectory_length_m) for r in rollouts]
+    assert re.findall(cells, page) == [(f"{way:.1f}", f"{tl:.1f}") for way, tl in expected]
+    assert "Shortest: the geodesic length" in page
+
+
 def test_the_page_links_the_episodes_in_which_an_obstacle_was_touched(
     root: Path, tmp_path: Path
 ) -> None:

@@ -66,6 +66,7 @@ def collection_page() -> str:
         "id": "exact-apartment-200-17",
         "split": "val_unseen",
         "path": 12.3,
+        "shortest": 123.4,
         "texts": 3,
     }
     episode |= {"instruction": INSTRUCTION, "walks": [walk]}
