@@ -43,18 +43,19 @@ def collect(
         published: content of the compact file so far, whose notes stay.
 
     Raises:
-        InputError: A results file does not hold the episodes that were asked for, a robot walked
-            its tests with several gaits, or a table's cells are of different recordings of the
-            same walks, or of different trainings.
+        InputError: A results file does not hold the episodes that were asked for, or was made with
+            other instructions, a robot walked its tests with several gaits, or a table's cells are
+            of different recordings of the same walks, or of different trainings.
     """
     episodes = asked(bench)
     uids = [uid_of(e.split, e.scene_id, e.episode_id) for e in episodes]
+    instructions = work.digest([e.instruction for e in episodes])
     cells: dict[str, Any] = {}
     for row in _rows(tables):
         for seed in bench.settings.seeds:
             path = results_of(bench, row, seed)
             if path.is_file() and row.cell(seed) not in cells:
-                cells[row.cell(seed)] = _cell(path, uids)
+                cells[row.cell(seed)] = _cell(path, uids, instructions)
     value = {
         "format": FORMAT,
         "metrics": list(METRICS),
@@ -65,7 +66,7 @@ def collect(
         },
         "training_scenes": list(bench.scenes),
         "episodes": [[e.split, e.scene_id, e.trajectory_id, e.episode_id] for e in episodes],
-        "instructions_sha256": work.digest([e.instruction for e in episodes]),
+        "instructions_sha256": instructions,
         "seeds": list(bench.settings.seeds),
         "missing": dict(missing),
         "notes": list(published.get("notes", ())) if published else [],
@@ -194,7 +195,7 @@ def _rows(tables: Mapping[int, Table]) -> Iterator[Row]:
     return (row for table in tables.values() for row in table.rows)
 
 
-def _cell(path: Path, uids: list[str]) -> dict[str, Any]:
+def _cell(path: Path, uids: list[str], instructions: str) -> dict[str, Any]:
     found = read_results(path)
     episodes = by_uid(found["episodes"])
     lost = [uid for uid in uids if uid not in episodes]
@@ -202,6 +203,13 @@ def _cell(path: Path, uids: list[str]) -> dict[str, Any]:
         raise InputError(f"{path}: lacks {len(lost)} episodes, for example {lost[0]}")
     values = [[round(COLUMNS[m][1](episodes[uid]), 2) for m in METRICS] for uid in uids]
     setting = found["setting"]
+    # Results of earlier versions do not say which; those of more episodes say it of all of these.
+    given = setting.get("instructions_sha256", instructions)
+    if given != instructions and len(episodes) == len(uids):
+        raise InputError(
+            f"{path}: made with other instructions than those of the episodes that are asked for "
+            f"(instructions_sha256 {given[:12]}, not {instructions[:12]}); measure it again"
+        )
     cell = {
         "results_sha256": file_digest(path),
         "gait_sha256": setting.get("gait_sha256"),

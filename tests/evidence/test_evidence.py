@@ -256,6 +256,30 @@ def test_a_robot_walks_all_its_tests_with_one_gait(
     assert not digest.collect(bench, tables(3), {}, changed)["cells"]
 
 
+def test_results_of_other_instructions_are_refused(run: Path, tmp_path: Path) -> None:
+    """Those of earlier versions say nothing about theirs; those of more episodes, of all these."""
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), ())
+    row = tables(3)[1].row("random")
+    path = cells.results_of(bench, row, 0)
+    asked = digest.collect(bench, tables(3), {})["instructions_sha256"]
+
+    def cells_of(sha256: str, episodes: Sequence[dict[str, Any]]) -> dict[str, Any]:
+        setting = {**value["setting"], "instructions_sha256": sha256}
+        path.write_text(json.dumps({**value, "setting": setting, "episodes": episodes}))
+        return digest.collect(bench, tables(3), {})["cells"]
+
+    cells.measure(replace(bench, call=Commands()), row, 0)
+    value = json.loads(path.read_text())
+    episodes = value["episodes"]
+    assert cells_of(asked, episodes).keys() == {row.cell(0)}
+    with pytest.raises(InputError, match="made with other instructions") as raised:
+        cells_of("0" * 64, episodes)
+    assert str(raised.value).startswith(f"{path}: ")
+    assert cells_of("0" * 64, [*episodes, {**episodes[0], "episode": "of another"}])
+    path.write_text(json.dumps(value))
+    assert digest.collect(bench, tables(3), {})["cells"].keys() == {row.cell(0)}
+
+
 def test_a_page_may_have_another_name(run: Path, tmp_path: Path) -> None:
     arguments = [*call(run, tmp_path), "--rows", "random", "--name", "evidence-of-mine"]
     assert command.main(arguments, Commands()) == 0
