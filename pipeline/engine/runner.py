@@ -18,6 +18,7 @@ from .ledger import Ledger
 from .record import forget_failure, record
 from .rows import Row, StageSummary
 from .signals import OnlyDone
+from .watch import watched
 from .work import WorkItem
 
 log = logging.getLogger(__name__)
@@ -121,12 +122,12 @@ def run_stage(
     )
     errors: list[BaseException] = []
     try:
-        for item, outcome in run_items(context.workers, waiting):
-            summary.count(record(ledger, stage, item, outcome, context.command))
-            if outcome.error is not None:
-                errors.append(outcome.error)
-            bar.set_postfix_str(_note(summary), refresh=False)
-            bar.update()
+        with watched(bar, waiting) as watch:
+            for item, outcome in run_items(context.workers, waiting):
+                summary.count(record(ledger, stage, item, outcome, context.command))
+                if outcome.error is not None:
+                    errors.append(outcome.error)
+                watch.count(item, _note(summary))
     except BaseException:
         drop(context, waiting)
         raise

@@ -13,6 +13,7 @@ from ...collectors.rendering.people.pictures import (
 from ...collectors.rendering.people.scene_map import top_down_map
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import write_json
+from ...formats.core.part_done import telling
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
 from ..engine.work import ItemResult
@@ -115,5 +116,8 @@ class FilmJob:
         self.out.parent.mkdir(parents=True, exist_ok=True)
         robot = get_robot(self.robot)
         fps = self.frames_per_second
-        count = watchable_video(self.out, renderer, recorded, self.view, fps, robot=robot)
+        with telling(self.out) as tell:
+            count = watchable_video(
+                self.out, renderer, recorded, self.view, fps, robot=robot, on_part=tell
+            )
         return ItemResult({"frames": count, "scene": self.scene.name})

@@ -7,6 +7,7 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.people.pictures import save_picture
 from ...collectors.rendering.people.story import policy_film
 from ...collectors.robots import get_robot
+from ...formats.core.part_done import telling
 from ...formats.mcap.rollout import read_rollout
 from ..engine.work import ItemResult
 from .render import scene_renderer
@@ -30,8 +31,8 @@ class PolicyFilmJob:
         """Render the film."""
         _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
         self.out.parent.mkdir(parents=True, exist_ok=True)
-        last = policy_film(
-            self.out, renderer, read_rollout(self.rollout), self.view, get_robot(self.robot)
-        )
+        rollout, robot = read_rollout(self.rollout), get_robot(self.robot)
+        with telling(self.out) as tell:
+            last = policy_film(self.out, renderer, rollout, self.view, robot, on_part=tell)
         save_picture(self.out.with_suffix(".jpg"), last)
         return ItemResult()

@@ -1,7 +1,7 @@
 """Third-person clips and videos of rollouts, for people."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +75,8 @@ def watchable_video(
     view: View,
     frames_per_second: int = 25,
     robot: RobotSpec | None = None,
+    *,
+    on_part: Callable[[float], None] | None = None,
 ) -> int:
     """Write an `.mp4` of a whole rollout that plays in real time.
 
@@ -82,6 +84,7 @@ def watchable_video(
         renderer: renderer of the view's name and light.
         frames_per_second: a divisor of 100.
         robot: robot of the rollout; None = the registry's robot of that name.
+        on_part: called after each frame with the part of them that is done.
 
     Returns:
         The number of frames.
@@ -90,7 +93,7 @@ def watchable_video(
         ValueError: the frame rate does not divide 100, or the renderer is not the view's.
     """
     spec = robot or get_robot(rollout.robot)
-    pictures = _stamped(renderer, rollout, view, frames_per_second, spec)
+    pictures = _stamped(renderer, rollout, view, frames_per_second, spec, on_part=on_part)
     return write_rgb_video(path, pictures, frames_per_second, WATCH_CODEC)
 
 
@@ -101,14 +104,18 @@ def _stamped(
     frames_per_second: int,
     robot: RobotSpec,
     last_s: float = math.inf,
+    on_part: Callable[[float], None] | None = None,
 ) -> Iterator[Picture]:
     """Yield frames with their time in a corner."""
     samples = rollout.frame_samples(frames_per_second)
     samples = samples[rollout.time_s[samples] >= rollout.time_s[-1] - last_s]
     plan = RolloutFrames.plan(renderer, rollout, view, samples, robot)
-    for sample, (picture, _) in zip(samples, plan.render(renderer), strict=True):
+    frames = zip(samples, plan.render(renderer), strict=True)
+    for number, (sample, (picture, _)) in enumerate(frames, start=1):
         stamp(picture, f"{rollout.time_s[sample]:.1f} s")
         yield picture
+        if on_part is not None:
+            on_part(number / len(samples))
 
 
 def save_picture(path: Path, picture: Picture) -> None:

@@ -1,7 +1,7 @@
 """Films of a policy's walk: its own view and one from behind, the instruction and its actions."""
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +25,13 @@ SAID = "said"  # events with a policy's own words
 
 
 def policy_film(
-    path: Path, renderer: Renderer, rollout: Rollout, view: View, robot: RobotSpec
+    path: Path,
+    renderer: Renderer,
+    rollout: Rollout,
+    view: View,
+    robot: RobotSpec,
+    *,
+    on_part: Callable[[float], None] | None = None,
 ) -> Picture:
     """Write an `.mp4` with one frame per action and return its last frame, (H, W, 3) uint8.
 
@@ -33,6 +39,7 @@ def policy_film(
         renderer: of the rollout's scene, for the view's renderer and light.
         rollout: of an evaluation.
         view: the policy's own.
+        on_part: called after each frame with the part of them that is done.
     """
     samples = _moments(rollout)
     ego = _resized(view, robot, renderer)
@@ -44,10 +51,13 @@ def policy_film(
     last: list[Picture] = []
 
     def frames() -> Iterator[Picture]:
-        for sample, ((own, _), (chase, _)) in zip(samples.tolist(), pairs, strict=True):
+        numbered = enumerate(zip(samples.tolist(), pairs, strict=True), start=1)
+        for number, (sample, ((own, _), (chase, _))) in numbered:
             ended = sample == samples[-1]
             last[:] = [_titled(np.concatenate([own, chase], axis=1), rollout, sample, ended)]
             yield last[0]
+            if on_part is not None:
+                on_part(number / len(samples))
         for _ in range(FRAMES_PER_SECOND):
             yield last[0]
 

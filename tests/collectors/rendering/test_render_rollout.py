@@ -232,7 +232,11 @@ def test_a_video_to_watch_plays_at_the_robots_pace(
     renderer: Renderer, rollout: Rollout, tmp_path: Path
 ) -> None:
     view = make_view("chase", "aliengo", width_px=64, height_px=48)
-    count = watchable_video(tmp_path / "walk.mp4", renderer, rollout, view, 10)
+    parts: list[float] = []
+    count = watchable_video(
+        tmp_path / "walk.mp4", renderer, rollout, view, 10, on_part=parts.append
+    )
+    assert parts == [number / count for number in range(1, count + 1)]
     facts = probe_video(tmp_path / "walk.mp4")
     assert (facts.frames, facts.frames_per_second) == (count, 10)
     assert count == len(rollout.frame_samples(10))

@@ -10,6 +10,7 @@ from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
+from vlnpe.formats.core.part_done import telling
 from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.work import ItemResult
 
@@ -83,6 +84,14 @@ def linger(path: Path, seconds: float) -> ItemResult:
         path.with_suffix(".pid").write_text(str(os.getpid()))
         time.sleep(seconds)
     return ItemResult()
+
+
+def tell(path: Path, part: float, seconds: float) -> ItemResult:
+    """Tell how much is done, and write the file after a while."""
+    with telling(path) as how_much:
+        how_much(part)
+        time.sleep(seconds)
+    return write(path, "done")
 
 
 def die(path: Path) -> ItemResult:
