@@ -54,6 +54,8 @@ help:  ## Show this help
 	@echo "variables for collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
 	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"
+	@printf '%s\n' $(foreach target,$(filter-out collect,$(TARGETS)),$(if $($(target)_TAKES),"variables for $(target): $($(target)_TAKES)"))
+	@echo "Without OUT, evaluate, report and verify take the run runs/apartment-SEED."
 
 setup:  ## Install the core environment into .venv (collect does this automatically) [EXTRA=train,… VERBOSE=1]
 	@$(SETUP) core $(EXTRA)
@@ -62,7 +64,7 @@ collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISO
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
 
-dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [TRAIN=40 UNSEEN=10 KINDS=apartment,villa,house PATHS=36 IMAGE=128]
+dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [ROBOT=h1,aliengo TRAIN=40 UNSEEN=10 KINDS=apartment,villa,house PATHS=36 IMAGE=128]
 	@$(SETUP) core
 	@$(BIN)/python -m benchmarks.dataset $(if $(TRAIN),--train "$(TRAIN)") $(if $(UNSEEN),--unseen "$(UNSEEN)") \
 	    $(if $(KINDS),--kinds "$(KINDS)") $(if $(PATHS),--paths "$(PATHS)") $(if $(IMAGE),--image "$(IMAGE)") $(if $(OUT),--out "$(OUT)") \

@@ -98,6 +98,20 @@ def test_targets_that_do_not_exist_are_refused(words: list[str], said: str) -> N
     assert said in done.stderr and "variable" not in done.stderr
 
 
+def test_help_lists_the_variables_of_each_target_and_recipes_use_them() -> None:
+    taken = re.findall(r"^([a-z-]+)_TAKES += (.*)$", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    help_text = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True).stdout
+    assert {"collect", "dataset-bench", "evaluate"} <= {target for target, _ in taken}
+    for target, names in taken:
+        listed = help_text.split(f"variables for {target}: ")[1].split("variables for ")[0]
+        for name in names.split():
+            assert re.search(rf"\b{name}\b", listed), (target, name)
+        # Some are used only where OUT is not given.
+        for given in ({*names.split()} - {"OUT"}, {*names.split()} & {"OUT"}):
+            done = make(target, *(f"{name}=given-{name}" for name in given))
+            assert {name for name in given if f"given-{name}" not in done.stdout} == set(), target
+
+
 def test_every_target_is_known_as_one() -> None:
     rules = re.findall(r"^([a-z-]+):.*## ", (ROOT / "Makefile").read_text(), re.MULTILINE)
     listed = make("xyzzy").stderr.split("valid: ")[1].rstrip(". Stop\n").split()
