@@ -15,6 +15,8 @@ class Collect(Running, Sampling, Driving, Drawing, Wording, DatasetFormat, Orien
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only
     the work that depends on it.
+
+    Example: vlnpe collect --robot aliengo --scene scan.glb --episodes 8 --out runs/scan
     """
 
     robot: str = "aliengo"
@@ -52,7 +54,8 @@ class Collect(Running, Sampling, Driving, Drawing, Wording, DatasetFormat, Orien
     """Also collect in scenes whose repair is not sound, instead of quarantining them. The report
     and the dataset card list them."""
     out: Path | None = None
-    """Run folder; defaults to `runs/<scene>`."""
+    """Run folder; defaults to runs/<scene>, e.g. runs/apartment-0 of the built-in scene, or with
+    --scenes to runs/<its name>."""
     seed: int = 0
     """Random seed of the built-in scene (the first of several), the sampling and every other random
     choice."""

@@ -19,7 +19,8 @@ class Evaluate(Running, DiscreteActions, Mounting):
     """
 
     episodes: tyro.conf.Positional[Path]
-    """Run folder of `collect`, or an episode file (.json.gz) together with --scenes."""
+    """Run folder of `collect`, or an episode file (.json.gz), with --scenes where it lies in no
+    run."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
     path), cma or cma-h1 (trained models that come with vlnpe, for vlnce and for h1), map (an online
@@ -35,7 +36,7 @@ class Evaluate(Running, DiscreteActions, Mounting):
     for --actions waypoints, or auto: the first of these that suits robot and actions."""
     actions: str = "discrete"
     """Actions of a policy server: discrete (controller speed or flash), velocity (speed) or
-    waypoints (path; the policy map supports them, too)."""
+    waypoints (path; the policy map and those that begin with map- support them, too)."""
     split: str | None = None
     """Evaluate only this split, for example val_unseen; all by default."""
     limit: int | None = None
@@ -50,8 +51,8 @@ class Evaluate(Running, DiscreteActions, Mounting):
     timeout_s: float = 30.0
     """Maximum time that a policy server may take for one action [s]; physics waits meanwhile."""
     max_tokens: int = 0
-    """Stop querying a model behind an OpenAI-compatible server (vlm, map-llm, map-vlm) after this
-    many tokens; 0 means no limit. Episodes that need more are quarantined."""
+    """Stop querying a model behind an OpenAI-compatible server (vlm, map-llm, map-vlm, map-vlm-llm)
+    after this many tokens; 0 means no limit. Episodes that need more are quarantined."""
     max_cost: float = 0.0
     """Stop querying such a model after this cost, at the prices set in the environment; 0 means no
     limit."""
@@ -63,7 +64,8 @@ class Evaluate(Running, DiscreteActions, Mounting):
     mcap: bool = False
     """Also write one MCAP file per episode with the images that the policy saw, for Foxglove."""
     out: Path | None = None
-    """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>."""
+    """Output folder; defaults to <run>/evaluations/<policy>-<robot>-<controller>-<light>, for an
+    episode file in runs/evaluations."""
 
     def check(self) -> None:
         """Raise InputError if a file or folder is missing, or `limit` is below 1."""

@@ -3,6 +3,7 @@
 import inspect
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 import tyro
 
 from vlnpe.collectors.controllers import SpeedConfig
+from vlnpe.evaluation.policy import MODEL_POLICIES, ORACLE, POLICIES, shipped_policies
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
 from vlnpe.pipeline.cli import VERBS, main
@@ -65,6 +67,21 @@ def test_help_imports_nothing_heavy(name: str) -> None:
     assert any(f"usage: vlnpe {name}".strip() in line for line in text)
     assert {module.split(".")[0] for module in loaded.split()} & HEAVY == set()
     assert [m for m in loaded.split() if m.startswith("vlnpe.pipeline.commands")] == []
+
+
+def test_help_of_evaluate_names_every_policy(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "1000")  # a name would be divided between two lines
+    with pytest.raises(SystemExit):
+        main(["evaluate", "--help"])
+    text = capsys.readouterr().out
+    for option, names in (
+        ("--policy", [*POLICIES, *MODEL_POLICIES, ORACLE, *shipped_policies()]),
+        ("--max-tokens", MODEL_POLICIES),
+    ):
+        said = re.split(rf"{option} (?:STR|INT) ", text)[1].split("(default")[0]
+        assert [n for n in names if not re.search(rf"(?<![\w-]){n}(?![\w-])", said)] == [], option
 
 
 def test_help_lists_every_command() -> None:
