@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import textwrap
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -41,7 +41,7 @@ def figures(value: Mapping[str, Any], tables: Mapping[int, Table]) -> dict[str, 
         drawn = {
             "rates": _rates(measured),
             "amount": _amount(value, measured[tables[AMOUNT]]),
-            "curves": _curves(value),
+            "curves": _curves(value, tables.values()),
         }
         return {name: _svg(figure) for name, figure in drawn.items() if figure is not None}
 
@@ -124,43 +124,66 @@ def _series(training: Training) -> tuple[str, ...]:
     return (scenes,) if training.scenes else (scenes, paths)  # all of both ends both lines
 
 
-def _curves(value: Mapping[str, Any]) -> Figure | None:
-    """Draw the parts of training and held-out actions that are right against the step."""
+def _curves(value: Mapping[str, Any], tables: Iterable[Table]) -> Figure | None:
+    """Draw the parts of training and held-out actions that are right against the step.
+
+    Models that choose no single actions have a panel with their loss, on a scale of its own.
+    """
+    policies = (row.policy for table in tables for row in table.rows)
+    labels = {one.name: one.label for one in policies if isinstance(one, Training)}
     found = {
         cell["checkpoint_sha256"]: (name.rsplit("--", 1)[0], cell["curve"])
         for name, cell in sorted(value["cells"].items())
         if cell.get("curve")
     }
-    seeds = defaultdict(list)
-    for name, curve in found.values():
-        seeds[name.rsplit("-s", 1)[0]].append(curve)
-    if not seeds:
+    seeds: dict[str, list[Any]] = {label: [] for label in labels.values()}  # in their order
+    for cell, curve in found.values():
+        name: str = cell.rsplit("-s", 1)[0]
+        seeds.setdefault(labels.get(name, name), []).append(curve)
+    right = {name: curves for name, curves in seeds.items() if _has(curves, "held action")}
+    lost = {
+        n: curves for n, curves in seeds.items() if n not in right and _has(curves, "held loss")
+    }
+    panels = right | lost
+    if not panels:
         return None
     columns = 3
-    rows = -(-len(seeds) // columns)
+    rows = -(-len(panels) // columns)
     figure = _new((7.6, 1.7 * rows + 0.7))
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
-    for unused in axes[len(seeds) :]:
+    axes = figure.subplots(rows, columns, sharex=True, squeeze=False).ravel()
+    for unused in axes[len(panels) :]:
         unused.remove()
-    for axis, (name, curves) in zip(axes, seeds.items(), strict=False):
+    for place, (axis, (name, curves)) in enumerate(zip(axes, panels.items(), strict=False)):
+        what, scale = ("action", 100.0) if name in right else ("loss", 1.0)
         for curve in curves:
             steps = [point["step"] for point in curve]
             for key, colour, label in (
-                ("train action", COLOURS[0], "training walks"),
-                ("held action", COLOURS[1], "held-out walks"),
+                (f"train {what}", COLOURS[0], "training walks"),
+                (f"held {what}", COLOURS[1], "held-out walks"),
                 ("held constant", "#888", "the commonest action"),
             ):
-                right = [100 * point.get(key, np.nan) for point in curve]
-                axis.plot(steps, right, color=colour, linewidth=1, marker=".", label=label)
-        axis.set_title(textwrap.fill(name, 32), fontsize=7)
-        axis.tick_params(labelbottom=True)
+                heights = [scale * point.get(key, np.nan) for point in curve]
+                axis.plot(steps, heights, color=colour, linewidth=1, marker=".", label=label)
+        axis.set_title(textwrap.fill(name, 40), fontsize=7)
+        axis.tick_params(labelbottom=True, labelleft=name in lost or place % columns == 0)
+        if name in lost:
+            axis.set_ylabel("loss of motions", fontsize=7)
+            axis.set_ylim(0, 1.1 * axis.dataLim.y1)
+        elif place:
+            axis.sharey(axes[0])
         tidy(axis, "y")
-    handles, labels = axes[0].get_legend_handles_labels()
-    figure.legend(handles[:3], labels[:3], loc="outside lower center", ncols=3, frameon=False)
-    for axis in axes[: len(seeds)][-columns:]:
+    handles, names = axes[0].get_legend_handles_labels()
+    figure.legend(handles[:3], names[:3], loc="outside lower center", ncols=3, frameon=False)
+    for axis in axes[: len(panels)][-columns:]:
         axis.set_xlabel("optimiser step")
-    figure.supylabel("actions right [%]", fontsize=9)
+    if right:
+        figure.supylabel("actions right [%]", fontsize=9)
     return figure
+
+
+def _has(curves: Iterable[Sequence[Mapping[str, float]]], key: str) -> bool:
+    """Return whether curves have a score, e.g. `held action`."""
+    return any(key in point for curve in curves for point in curve)
 
 
 def _measured(value: Mapping[str, Any], table: Table) -> dict[Row, Difference]:

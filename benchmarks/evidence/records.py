@@ -14,6 +14,12 @@ _SENSES = {
     ("rgb", "instruction"): "-rgb-only",
 }
 
+_WORDS = {
+    **{"cma": "CMA", "seq2seq": "Seq2Seq", "rdp": "RDP", "rgb-only": "RGB only"},
+    **{"depth-only": "depth only", "aliengo": "Aliengo", "jetbot": "Jetbot", "h1": "H1"},
+    "vlnce": "bodyless walks",
+}
+
 
 @dataclass(frozen=True)
 class Training:
@@ -54,6 +60,25 @@ class Training:
         if self.longer > 1:
             parts.append(f"-{self.longer}-times-the-steps")
         return "".join(parts)
+
+    @property
+    def label(self) -> str:
+        """The same in words, e.g. `CMA on H1 + Aliengo, equal passes`."""
+        walks = (robot.split("/") for robot in self.robots)
+        whose = [
+            _WORDS.get(robot, robot) + (" (flash)" if way == "flash" and robot != "vlnce" else "")
+            for robot, way in walks
+        ]
+        sense = _SENSES[self.inputs].removeprefix("-")
+        parts = [
+            f"{_WORDS.get(self.model, self.model)} on {' + '.join(whose)}",
+            _WORDS.get(sense, sense),
+            f"{self.scenes} scenes" if self.scenes else "",
+            f"{self.fraction:g} of the paths" if self.fraction < 1.0 else "",
+            "equal passes" if self.passes else "",
+            f"{self.longer} times the steps" if self.longer > 1 else "",
+        ]
+        return ", ".join(filter(None, parts))
 
 
 @dataclass(frozen=True)
