@@ -12,12 +12,13 @@ import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.scene.bundle import LabeledObject, load_bundle
+from ..formats.scene.bundle import load_bundle
 from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
 from .checker import Ground
 from .composer import compose_texts
 from .facts import LevelFacts, path_facts
+from .facts.named import Named
 from .llm.brief import prompts_sha256
 from .records import COMPOSER, LOCAL, InstructConfig, WrittenText
 
@@ -55,9 +56,9 @@ class InstructResult:
 class Levels:
     """Levels of repaired scenes, opened when they are asked for."""
 
-    def __init__(self, scenes: Path, objects: Mapping[str, Sequence[LabeledObject]] | None = None):
-        """Remember the folder of repaired scenes, one folder each, and further objects in them."""
-        self._scenes, self._objects = scenes, objects or {}
+    def __init__(self, scenes: Path, named: Mapping[str, Named] | None = None):
+        """Remember the folder of repaired scenes, one folder each, and what is named in them."""
+        self._scenes, self._named = scenes, named or {}
         self._open: dict[tuple[str, int], LevelFacts] = {}
 
     def of(self, episode: Episode) -> LevelFacts:
@@ -71,14 +72,15 @@ class Levels:
         key = (scene, episode.level)
         if key not in self._open:
             bundle = load_bundle(self._scenes / scene)
-            more = self._objects.get(scene, ())
-            bundle = replace(bundle, objects=(*bundle.objects, *more)) if more else bundle
+            more = self._named.get(scene, Named())
+            if more.objects:
+                bundle = replace(bundle, objects=(*bundle.objects, *more.objects))
             if not 0 <= episode.level < len(bundle.level_floor_z_m):
                 raise InputError(
                     f"episode {episode.episode_id} is on level {episode.level} of {scene}; "
                     f"valid: 0 … {len(bundle.level_floor_z_m) - 1}"
                 )
-            self._open[key] = LevelFacts.of(bundle, episode.level)
+            self._open[key] = LevelFacts.of(bundle, episode.level, named=more.rooms)
         return self._open[key]
 
     def unnamed(self) -> dict[str, int]:
@@ -99,7 +101,7 @@ def instruct_episodes(
     writer: Writer | None = None,
     cache: Path = Path("llm_cache"),
     *,
-    objects: Mapping[str, Sequence[LabeledObject]] | None = None,
+    named: Mapping[str, Named] | None = None,
 ) -> InstructResult:
     """Write the instructions of each path whose episodes have none.
 
@@ -114,7 +116,7 @@ def instruct_episodes(
         visibility: what the robot's camera sees along the paths; without it, walls alone decide.
         writer: writes a path's texts; by default the one that `config` names.
         cache: folder of a language model's answers.
-        objects: further objects, by scene, where a scan has no labels.
+        named: things and rooms, by scene, where a scan has no labels.
 
     Raises:
         FileFormatError: a scene is missing.
@@ -122,7 +124,7 @@ def instruct_episodes(
         ModelDownError: a language model fails again and again; what it wrote is in the cache.
         BudgetError: no more may be spent on one.
     """
-    levels = Levels(scenes, objects)
+    levels = Levels(scenes, named)
     taken: set[str] = set()
     skeletons: dict[str, int] = {}
     result = InstructResult([], skeletons=skeletons)

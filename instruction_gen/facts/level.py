@@ -1,5 +1,6 @@
 """What all paths of a level share."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
 from .doors import DOOR, doorways, openings_of
+from .named import NamedRoom
 from .rooms import room_names, rooms_of_boxes
 
 
@@ -39,8 +41,20 @@ class LevelFacts:
     unnamed: dict[str, int]
 
     @staticmethod
-    def of(bundle: SceneBundle, level: int, regions: RegionMap | None = None) -> "LevelFacts":
-        """Read a level."""
+    def of(
+        bundle: SceneBundle,
+        level: int,
+        regions: RegionMap | None = None,
+        named: Sequence[NamedRoom] = (),
+    ) -> "LevelFacts":
+        """Read a level.
+
+        Args:
+            bundle: its scene.
+            level: number of the level.
+            regions: the level's, where they are known.
+            named: rooms of the scene that have no label.
+        """
         regions = regions or region_map(bundle, level)
         things: list[LabeledObject] = []
         unnamed: dict[str, int] = {}
@@ -59,7 +73,7 @@ class LevelFacts:
         things += doors
         low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
-        names = room_names(regions, things)
+        names = room_names(regions, things, [room for room in named if room.level == level])
         openings = tuple(
             tuple(tuple(names[k] for k in rooms) for rooms in of_room)
             for of_room in openings_of(regions)

@@ -8,6 +8,7 @@ from ...formats.scene.bundle import LabeledObject
 from ...wayfinding.regions import RegionMap
 from ..language.nouns import noun_of, room_of
 from .geometry import Array, no_wall_between
+from .named import NamedRoom
 
 # A room without a name is called by the first of these things that stands in it.
 _CALLED_BY = {
@@ -38,9 +39,20 @@ def rooms_near(
     return frozenset(str(names[int(k)]) for k in np.unique(region[seen])) - {""}
 
 
-def room_names(regions: RegionMap, things: Sequence[LabeledObject]) -> tuple[str, ...]:
-    """Return the canonical name of each region, "" if neither label nor furniture identifies it."""
+def room_names(
+    regions: RegionMap, things: Sequence[LabeledObject], named: Sequence[NamedRoom] = ()
+) -> tuple[str, ...]:
+    """Return the canonical name of each region, "" if nothing identifies it.
+
+    Args:
+        regions: of a level.
+        things: on it; they identify a region without a name.
+        named: rooms of the level that have no label; their names go before what stands in them.
+    """
     names = [room_of(name) for name in regions.names]
+    for room in named:
+        if (k := int(regions.at(room.xy_m))) >= 0:
+            names[k] = room_of(room.name) or names[k]
     inside: dict[int, set[str]] = {}
     for thing in things:
         middle = 0.5 * (np.array(thing.lower_m[:2]) + np.array(thing.upper_m[:2]))

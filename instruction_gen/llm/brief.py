@@ -11,7 +11,7 @@ from ..facts.records import LandmarkFact, PathFacts
 from ..language.nouns import spoken
 
 WRITING_PROMPTS = ("system", "examples", "repair")
-SIGHT_PROMPTS = ("sight",)  # of `--vision`
+SIGHT_PROMPTS = ("sight", "room")  # of `--vision`
 
 _NAMES = {"en": "English", "zh": "Chinese (simplified characters)", "hi": "Hindi"}
 _PASSED_M = 2.2

@@ -1,4 +1,4 @@
-"""Names of things and rooms by a vision-language model, for scans without labels.
+"""Names of things by a vision-language model, for scans without labels; `rooms.py` has rooms.
 
 A model gets frames of the robot's camera, one at a time, and answers with boxes in the image; the
 depth image says where they are. Its names are data like any label: one that is no noun of the
@@ -48,14 +48,30 @@ class View:
 
     Attributes:
         points_m: (H, W, 3) where each pixel's surface is in the world [m]; NaN = unknown.
+        eye_m: (3,) where the camera is [m].
     """
 
     png: bytes
     points_m: NDArray[np.float64]
+    eye_m: NDArray[np.float64]
     level: int
 
 
-def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
+@dataclass(frozen=True)
+class Tally:
+    """What became of the frames that a model was asked about.
+
+    Attributes:
+        unanswered: frames without a usable answer.
+        unknown: names in the other answers that are in no table of the lexicon.
+    """
+
+    frames: int = 0
+    unanswered: int = 0
+    unknown: int = 0
+
+
+def name_things(client: Client, views: Sequence[View]) -> tuple[list[LabeledObject], Tally]:
     """Return objects that a model sees in at least two frames, as boxes in the world.
 
     A frame that the model gives no usable answer to is left out. The client's backend asks for
@@ -66,26 +82,47 @@ def name_things(client: Client, views: Sequence[View]) -> list[LabeledObject]:
         BudgetError: no more may be spent.
     """
     found: list[tuple[str, int, NDArray[np.float64]]] = []
+    unanswered = unknown = 0
     for view in views:
-        try:
-            answer = client.ask_for(sight_messages(view.png), Sights)
-        except ModelDownError:
-            raise
-        except ModelError:
-            continue
-        for sight in answer.things:
+        answer = answer_to(client, view.png, Sights)
+        unanswered += answer is None
+        for sight in answer.things if answer else ():
             noun = noun_of(sight.name)
+            unknown += not noun
             box = _box_m(sight, view.points_m)
             if noun and box is not None:
                 found.append((noun, view.level, box))
-    return _merged(found)
+    return _merged(found), Tally(len(views), unanswered, unknown)
 
 
-def sight_messages(png: bytes) -> list[dict[str, Any]]:
-    """Return the request for the things in a picture; the answer is `Sights`."""
+def answer_to[Form: BaseModel](
+    client: Client, png: bytes, form: type[Form], name: str = "sight"
+) -> Form | None:
+    """Return what a model says about a picture, None when it gives no usable answer.
+
+    Args:
+        client: asks for `form`.
+        png: the picture.
+        form: of the answer.
+        name: of the prompt.
+
+    Raises:
+        ModelDownError: the model fails again and again.
+        BudgetError: no more may be spent.
+    """
+    try:
+        return client.ask_for(sight_messages(png, name), form)
+    except ModelDownError:
+        raise
+    except ModelError:
+        return None
+
+
+def sight_messages(png: bytes, name: str = "sight") -> list[dict[str, Any]]:
+    """Return a prompt's request about a picture; the answer to `sight` is `Sights`."""
     picture = {"type": "image_url", "image_url": {"url": data_uri(png, "image/png")}}
     return [
-        {"role": "system", "content": prompt("sight")},
+        {"role": "system", "content": prompt(name)},
         {"role": "user", "content": [picture]},
     ]
 

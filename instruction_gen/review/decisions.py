@@ -5,8 +5,9 @@ import json
 import os
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.episode import Episode
 from ...formats.core.errors import FileFormatError, InputError
@@ -108,16 +109,17 @@ def apply_decisions(
     """Return the episodes after review, and why others lost all their texts, by episode id.
 
     A text rejected by any reviewer is dropped; the last of several edits holds. A decision about
-    a text that has been rewritten since is left out.
+    a text that has been rewritten since is left out. The records of how texts were made follow.
     """
-    from dataclasses import replace
-
     current = file.current()
     kept: list[Episode] = []
     lost: dict[str, str] = {}
     for episode in episodes:
         texts = list(episode.extra.get("instructions") or [episode.instruction])
+        made = {**(episode.extra.get("instruction") or {}), "reviewed": True}
+        record_of = {record["text"]: record for record in made.get("texts", ())}
         result: list[str] = []
+        records: list[dict[str, Any]] = []
         reasons: list[str] = []
         for number, text in enumerate(texts):
             decided = [
@@ -131,13 +133,24 @@ def apply_decisions(
                 reasons += [d.reason or "rejected" for d in rejected]
             else:
                 result.append(edits[-1].text if edits else text)
+                if text in record_of:
+                    records.append(_edited(record_of[text], result[-1]))
         if not result:
             lost[episode.episode_id] = "; ".join(reasons) or "no text"
             continue
         if result == texts:
             kept.append(episode)
             continue
-        made = {**(episode.extra.get("instruction") or {}), "reviewed": True}
+        if "texts" in made:
+            made["texts"] = records
         extra = {**episode.extra, "instructions": result, "instruction": made}
         kept.append(replace(episode, instruction=result[0], extra=extra))
     return kept, lost
+
+
+def _edited(record: dict[str, Any], text: str) -> dict[str, Any]:
+    """Return the record of a text after an edit, which may name other landmarks."""
+    if record["text"] == text:
+        return record
+    kept = {key: value for key, value in record.items() if key != "landmarks"}
+    return {**kept, "text": text, "edited": True}

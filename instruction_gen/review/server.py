@@ -15,11 +15,12 @@ import numpy as np
 
 from ...formats.core.episode import Episode
 from ...formats.core.errors import VlnpeError
-from ...formats.scene.bundle import LabeledObject
 from ...formats.scene.visibility import Visibility
 from ...formats.vlnce.files import scene_stem
+from ...formats.vlnce.groups import group_by_path, ungroup
 from ..checker import Ground
 from ..facts import path_facts
+from ..facts.named import Named
 from ..instruct import Levels
 from ..llm.foreign import check_in
 from .decisions import Decision, DecisionFile, agreement
@@ -39,9 +40,9 @@ class Review:
         decisions: Path,
         films: dict[str, Path] | None = None,
         seen: dict[str, Visibility] | None = None,
-        objects: Mapping[str, Sequence[LabeledObject]] | None = None,
+        named: Mapping[str, Named] | None = None,
     ):
-        """Review the episodes that have texts; one path's episodes are shown once.
+        """Review the episodes that have texts; one path's episodes are shown once, as one.
 
         Args:
             episodes: instructed.
@@ -49,15 +50,15 @@ class Review:
             decisions: append-only file.
             films: ego film (MP4) of a path, by trajectory id.
             seen: what the robot's camera sees along the paths, by scene.
-            objects: further objects, by scene, where a scan has no labels.
+            named: things and rooms, by scene, where a scan has no labels.
         """
-        instructed = [e for e in episodes if e.instruction]
+        instructed = group_by_path(e for e in episodes if e.instruction)
         self.paths = {e.trajectory_id: e for e in reversed(instructed)}
         self.paths = dict(reversed(self.paths.items()))
         self.file = DecisionFile(decisions)
         self.films = films or {}
         self._seen = seen or {}
-        self._levels = Levels(scenes, objects)
+        self._levels = Levels(scenes, named)
         self._grounds: dict[str, Ground] = {}
 
     @cached_property
@@ -125,7 +126,8 @@ class Review:
         """
         episode = self.paths[name]
         original = _texts(episode)[number]
-        records = (episode.extra.get("instruction") or {}).get("texts") or ()
+        made = [one.extra.get("instruction") or {} for one in ungroup(episode)]
+        records = [record for one in made for record in one.get("texts") or ()]
         record = next((one for one in records if one["text"] == original), {})
         language, english = record.get("language", "en"), record.get("english", "")
         verdict = check_in(language, text[:2000], english, self.ground(name))

@@ -1,11 +1,13 @@
 """From scans to instructed episodes: `scan` to `repair`, then `sample` or `filter` and `align`."""
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ...formats.core.episode import Episode
 from ...formats.vlnce.records import split_name
+from ...instruction_gen.llm.settings import LlmSettings
 from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.align_config import AlignConfig
@@ -15,7 +17,8 @@ from ..engine.ledger import Row
 from ..engine.runner import StageSummary, WorkItem
 from ..inputs.builtin import BuiltIn
 from ..jobs.instructions.instruct import CACHE, InstructJob
-from ..stages import align, episodes, instruct, repair, visibility
+from ..jobs.instructions.name_things import NameThingsJob
+from ..stages import align, episodes, instruct, name, repair, visibility
 from .run import Run
 
 
@@ -25,10 +28,12 @@ class Wording:
 
     Attributes:
         robot: the robot whose camera says what there is to see on the way.
+        vision: the model that names things and rooms of scenes without labels, if any.
     """
 
     config: InstructConfig
     robot: str
+    vision: LlmSettings | None = None
 
 
 def repaired(
@@ -138,6 +143,13 @@ def _instructed(
         for s, row in rows.items()
     ]
     seen = run.stage(visibility.STAGE, items).good()
+    named: dict[str, Row] = {}  # by item, of the scenes that a model was asked about
+    if wording.vision is None:
+        _forget_named(run, map(_scene_of, seen))
+    else:
+        made = _named(run, wording.vision, wording, {s: rows[s] for s in seen}, parts)
+        seen = {s: row for s, row in seen.items() if _scene_of(s) in made}
+        named = {s: row for s in seen if name.was_asked(row := made[_scene_of(s)])}
     instructed = {s: folder.episodes(f"told/{s}") for s in seen}
     items = [
         instruct.item(
@@ -151,9 +163,12 @@ def _instructed(
                 cache=folder.root / CACHE,
                 config=config,
                 seed=run.seed,
+                named=(folder.named(_scene_of(s)),) if s in named else (),
+                vision_model=wording.vision.model if wording.vision else "",
             ),
             rows[s].key,
             seen[s].key,
+            *([named[s].key] if s in named else []),
         )
         for s in seen
     ]
@@ -165,3 +180,44 @@ def _instructed(
     ledger.record(files.values())
     ledger.record_new(folder.root / CACHE)
     return paths
+
+
+def _named(
+    run: Run,
+    model: LlmSettings,
+    wording: Wording,
+    rows: Mapping[str, Row],
+    parts: Mapping[str, Path],
+) -> dict[str, Row]:
+    """Have a model name things and rooms along all paths of each scene; return rows by scene."""
+    folder = run.folder
+    by_scene: dict[str, list[str]] = {}
+    for s in rows:
+        by_scene.setdefault(_scene_of(s), []).append(s)
+    items = []
+    for scene, here in by_scene.items():
+        job = NameThingsJob(
+            scene=folder.scenes / scene,
+            episodes=tuple(parts[s] for s in here),
+            settings=model,
+            robot=wording.robot,
+            every=wording.config.replace,
+            cache=folder.root / CACHE,
+            out=folder.named(scene),
+        )
+        items.append(name.item(scene, job, *(rows[s].key for s in here)))
+    named = run.stage(name.STAGE, items, required=True).good()
+    sys.stderr.writelines(name.report(named.values()))
+    return named
+
+
+def _forget_named(run: Run, scenes: Iterable[str]) -> None:
+    """Delete what an earlier run had named: `vlnpe review` judges texts by what is there."""
+    run.unselect(name.STAGE)
+    for scene in scenes:
+        run.folder.named(scene).unlink(missing_ok=True)
+
+
+def _scene_of(item: str) -> str:
+    """Return the scene of an item, which is called split@scene where there are several files."""
+    return item.rsplit("@", 1)[-1]

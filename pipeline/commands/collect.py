@@ -32,7 +32,7 @@ from ..options.collect import Collect
 from ..stages import align, repair, report, visibility
 from ..stages.export import check_depth_storage
 from ..summary import joined, print_result, show_summary, stage_table
-from .instruct import instruct_config
+from .instruct import instruct_config, vision_settings
 
 
 def run(options: Collect) -> int:
@@ -60,7 +60,7 @@ def run(options: Collect) -> int:
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
     episode_files, preset, count = _episodes(options.episodes)
-    instructing = instruct_config(options)
+    instructing, vision = instruct_config(options), vision_settings(options)
     sources = _sources(options, episode_files, preset)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(robots, options.free_height_m)
@@ -80,7 +80,7 @@ def run(options: Collect) -> int:
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)
         eye = _eye(context.ledger) or kept(widest.name, folder.root)
         current = Run(folder, context, options.seed, actions, options.per_instruction)
-        wording = episodes.Wording(instructing, eye)
+        wording = episodes.Wording(instructing, eye, vision)
         scenes = episodes.repaired(current, sources, repairing, options.allow_unsound)
         sampling = _widened(sampling, robots, context.ledger)
         fitting = AlignConfig(

@@ -3,33 +3,31 @@
 import sys
 from collections.abc import Mapping, Set
 from pathlib import Path
-from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
+from ...instruction_gen.facts.named import SUFFIX
 from ...instruction_gen.instruct import Levels
-from ...instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
-from ...instruction_gen.llm.settings import settings_from
+from ...instruction_gen.llm.settings import LlmSettings, settings_from
 from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
 from ..engine.context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
-from ..engine.work import digest, work_item
+from ..engine.work import digest
 from ..inputs.episodes import episode_files, scenes_of
-from ..jobs.instructions.instruct import CACHE, OBJECTS, InstructJob, read_facts, read_sights
+from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
 from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct
 from ..options.shared import Wording
-from ..stages import instruct, repair, visibility
+from ..stages import instruct, name, repair, visibility
 from ..summary import print_result
 
 # In the ledger's folder.
 EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
-NAMING = "name things"
 
 
 def run(options: Instruct) -> int:
@@ -51,40 +49,52 @@ def run(options: Instruct) -> int:
         by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
     repair.demand(by_scene, rows, scenes)
     out, scenes = options.out.resolve(), scenes.resolve()
-    vision = None
-    if options.vision:
-        vision = settings_from(
-            asked_by="--vision", max_tokens=options.max_tokens, max_cost=options.max_cost
-        )
+    vision = vision_settings(options)
     camera = "aliengo" if options.robot == "none" else options.robot
     with open_single(out, options.workers) as context:
         root = context.ledger.root
+        for scene, episodes in by_scene.items():
+            write_episodes(_part(root, scene), episodes)
         keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
+        cache = (options.cache or out.parent / CACHE).resolve()
+        made_before: list[Row] = []
         seen: tuple[Path, ...] = ()
-        lost: dict[str, str] = {}
         if options.robot != "none" and by_scene:
             looked = _look(context, by_scene, rows, scenes, options.robot, config.replace)
-            good = looked.good()
-            keys += [row.key for row in good.values()]
-            seen = tuple(_seen(root, scene) for scene in good)
-            lost = {
-                episode.episode_id: row.error["reason"]
-                for row in looked.rows
-                if row.status == "quarantined"
-                for episode in by_scene[row.item]
-            }
+            made_before += looked.rows
+            seen = tuple(_seen(root, scene) for scene in looked.good())
+        naming: Mapping[str, Row] = {}
+        if vision is not None and by_scene:
+            items = [
+                name.item(
+                    scene,
+                    NameThingsJob(
+                        scene=scenes / scene,
+                        episodes=(_part(root, scene),),
+                        settings=vision,
+                        robot=camera,
+                        every=config.replace,
+                        cache=cache,
+                        out=_named(root, scene),
+                    ),
+                    rows[scene].key,
+                    digest(episodes),
+                )
+                for scene, episodes in by_scene.items()
+            ]
+            summary = run_stage(context, name.STAGE, items, required=True)
+            made_before += summary.rows
+            naming = summary.good()
+        keys += [row.key for row in made_before if row.status == "done"]
+        lost = {
+            episode.episode_id: row.error["reason"]
+            for row in made_before
+            if row.status == "quarantined"
+            for episode in by_scene[row.item]
+        }
         write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
-        cache = (options.cache or out.parent / CACHE).resolve()
-        named: Path | None = None
-        naming_facts: dict[str, Any] = {}
-        if vision is not None:
-            named = root / OBJECTS
-            naming = NameThingsJob(scenes, root / EPISODES, vision, camera, cache, named)
-            inputs = (*keys, vision, camera, prompts_sha256(SIGHT_PROMPTS))
-            item = work_item(NAMING, out.name, naming, (named,), *inputs)
-            (row,) = run_stage(context, NAMING, [item], required=True).rows
-            naming_facts, keys = row.facts, [*keys, row.key]
-        _forget(root, {*seen, named})
+        named = tuple(_named(root, scene) for scene in naming)
+        _forget(root, {*seen, *named})
         job = InstructJob(
             scenes=scenes,
             episodes=root / EPISODES,
@@ -95,20 +105,19 @@ def run(options: Instruct) -> int:
             config=config,
             seed=options.seed,
             per_instruction=options.per_instruction,
-            objects=named,
+            named=named,
             vision_model=vision.model if vision else "",
         )
         keys.append(str(options.per_instruction))
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
-    spent = {"vision_model": naming_facts["language_model"]} if naming_facts else {}
+    spent = {"vision_model": name.usage(naming.values())} if naming else {}
     failed = lost | made["quarantined"]
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
         _show(read_episodes(out), job, options.show)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
-        for scene, count in naming_facts.get("named_things", {}).items():
-            sys.stdout.write(f"{scene}: {count} things named by the vision-language model\n")
+        sys.stdout.writelines(name.report(naming.values()))
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
@@ -130,21 +139,28 @@ def _look(
     """Look along the paths of each scene with the camera of `robot`; one item per scene."""
     root, items = context.ledger.root, []
     for scene, episodes in by_scene.items():
-        part = root / f"{scene}.json.gz"
-        write_episodes(part, episodes)
         source = Row("episodes", scene, digest(rows[scene].key, episodes), "done")
-        items.append(visibility.item(source, scenes, part, _seen(root, scene), robot, every))
+        files = (_part(root, scene), _seen(root, scene))
+        items.append(visibility.item(source, scenes, *files, robot, every))
     return run_stage(context, visibility.STAGE, items, required=True)
 
 
-def _forget(root: Path, used: Set[Path | None]) -> None:
+def _forget(root: Path, used: Set[Path]) -> None:
     """Delete what earlier runs saw and named: `vlnpe review` judges texts by what is there."""
-    for path in {*root.glob("*.seen.json"), root / OBJECTS} - used:
+    for path in {*root.glob("*.seen.json"), *root.glob(f"*{SUFFIX}")} - used:
         path.unlink(missing_ok=True)
+
+
+def _part(root: Path, scene: str) -> Path:
+    return root / f"{scene}.json.gz"
 
 
 def _seen(root: Path, scene: str) -> Path:
     return root / f"{scene}.seen.json"
+
+
+def _named(root: Path, scene: str) -> Path:
+    return root / f"{scene}{SUFFIX}"
 
 
 def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:
@@ -178,4 +194,17 @@ def instruct_config(options: Wording) -> InstructConfig:
         languages=parse_languages(options.language),
         replace=options.replace,
         llm=asked,
+    )
+
+
+def vision_settings(options: Wording) -> LlmSettings | None:
+    """Return the vision-language model that names things and rooms; None without `--vision`.
+
+    Raises:
+        InputError: a variable of the environment is missing, or cannot be used.
+    """
+    if not options.vision:
+        return None
+    return settings_from(
+        asked_by="--vision", max_tokens=options.max_tokens, max_cost=options.max_cost
     )

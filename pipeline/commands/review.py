@@ -7,10 +7,10 @@ from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.facts.named import SUFFIX, read_named
 from ...instruction_gen.review.server import Review, make_server
 from ..engine.context import LEDGERS
 from ..inputs.episodes import scenes_of
-from ..jobs.instructions.instruct import OBJECTS, read_objects
 from ..jobs.reviewed import REVIEW_NAME
 from ..options.instructions import Review as ReviewOptions
 
@@ -67,6 +67,5 @@ def opened(options: ReviewOptions) -> Review:
         path.name.removesuffix(".seen.json"): read_visibility(path)
         for path in sorted(records.glob("*.seen.json"))
     }
-    named = records / OBJECTS
-    objects = read_objects(named) if named.is_file() else None
-    return Review(episodes, scenes, decisions, films, seen, objects)
+    named = read_named(sorted(records.glob(f"*{SUFFIX}")))
+    return Review(episodes, scenes, decisions, films, seen, named)

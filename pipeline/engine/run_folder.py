@@ -81,6 +81,10 @@ class RunFolder:
         """Return what the robot's camera sees along the paths of a scene."""
         return self.root / "facts" / f"{scene}.seen.json"
 
+    def named(self, scene: str) -> Path:
+        """Return what a vision-language model names in a scene without labels."""
+        return self.root / "facts" / f"{scene}.named.json"
+
     def facts(self, scene: str) -> Path:
         """Return the facts records of the paths of a scene."""
         return self.root / "facts" / f"{scene}.json.gz"

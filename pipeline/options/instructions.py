@@ -23,9 +23,6 @@ class Instruct(Parallel, Wording):
     robot: str = "aliengo"
     """Robot whose camera determines which landmarks are visible along the path, or `none` to use
     the map alone, which is faster."""
-    vision: bool = False
-    """In scenes without labels, let a vision-language model name what the camera sees (the same
-    environment variables as --writer llm)."""
     cache: Path | None = None
     """Cache folder for model responses; default `llm_cache` next to the output."""
     facts: Path | None = None

@@ -122,6 +122,9 @@ class Wording:
     than en need a language model."""
     replace: bool = False
     """Also rewrite the instructions that a file already has."""
+    vision: bool = False
+    """In scenes without labels, let a vision-language model name the things and rooms that the
+    camera sees (the same environment variables as --writer llm)."""
     max_tokens: int = 0
     """Stop querying the language model after this many tokens; 0 means no limit."""
     max_cost: float = 0.0

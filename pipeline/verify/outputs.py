@@ -15,6 +15,7 @@ from ...formats.scene.bundle import load_bundle
 from ...formats.scene.visibility import read_visibility
 from ...formats.video.stream import demux_packets, open_video, probe_video
 from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.facts.named import read_named
 from ...scene_repair.verify.scene import verify_scene
 from .dataset import check_dataset
 
@@ -118,6 +119,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "align": read_episodes,
     "filter": read_episodes,
     "look": read_visibility,
+    "name": lambda path: read_named([path]),
     "instruct": _instructed,
     "replay": _rollout,
     "evaluate": _rollout,

@@ -13,6 +13,7 @@ from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of
 from tests.support.misbehaving_server import Server, completion, texts
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
+from vlnpe.formats.vlnce.groups import per_instruction
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.llm.settings import LlmSettings
 from vlnpe.instruction_gen.records import InstructConfig
@@ -86,6 +87,25 @@ def test_decisions_flow_into_episodes(review):
     assert [e.episode_id for e in kept] == ["p0"]
     assert kept[0].extra["instructions"] == [new, texts[2]] and kept[0].instruction == new
     assert "all odd" in lost["p1"]
+    records = episodes[0].extra["instruction"]["texts"]
+    edited, left = kept[0].extra["instruction"]["texts"]
+    assert left == records[2] and edited["text"] == new and edited["edited"]
+    assert "landmarks" not in edited and edited["style"] == records[0]["style"]
+    assert [one.instruction for one in per_instruction(kept[0])] == [new, texts[2]]
+    assert [one.extra["instruction"]["texts"] for one in per_instruction(kept[0])] == [
+        [edited],
+        [left],
+    ]
+
+
+def test_a_file_with_one_text_per_episode_is_reviewed_whole(foreign_review, two_rooms, tmp_path):
+    whole = foreign_review.path("p", "ann")
+    parts = [one for e in foreign_review.paths.values() for one in per_instruction(e)]
+    assert len(parts) == len(whole["texts"]) == 3
+    write_episodes(tmp_path / "parts.json.gz", parts)
+    read = read_episodes(tmp_path / "parts.json.gz")
+    again = Review(read, two_rooms.root.parent, tmp_path / "parts.jsonl")
+    assert again.names == ["p"] and again.path("p", "ann") == whole
 
 
 def test_only_our_page_with_the_token_is_served(review):

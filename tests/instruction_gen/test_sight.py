@@ -8,7 +8,7 @@ import pytest
 from tests.support.misbehaving_server import Server, completion
 from vlnpe.instruction_gen.llm.client import Client, openai_backend
 from vlnpe.instruction_gen.llm.settings import LlmSettings
-from vlnpe.instruction_gen.llm.sight import Sights, View, name_things
+from vlnpe.instruction_gen.llm.sight import Sights, Tally, View, name_things
 
 
 def view(shift_m, png=b"picture"):
@@ -17,7 +17,7 @@ def view(shift_m, png=b"picture"):
     points = np.stack(
         [shift_m + 0.1 * columns, np.full(rows.shape, 2.0), 2.4 - 0.1 * rows], axis=-1
     )
-    return View(png, points, 0)
+    return View(png, points, np.array([shift_m + 1.6, 0.0, 1.2]), 0)
 
 
 def named(tmp_path, script, views):
@@ -43,8 +43,9 @@ def test_boxes_in_pictures_become_boxes_in_the_world(tmp_path):
         return completion({"things": things})
 
     views = [view(0.0, b"one"), view(1.0, b"two")]
-    things, requests = named(tmp_path, script, views)
+    (things, tally), requests = named(tmp_path, script, views)
     (sofa,) = things
+    assert tally == Tally(frames=2, unknown=2)
     assert sofa.category == "sofa" and sofa.level == 0
     assert np.allclose(sofa.lower_m[:2], (1.1, 2.0), atol=0.1)
     assert np.allclose(sofa.upper_m[:2], (1.8, 2.0), atol=0.1)
@@ -59,8 +60,9 @@ def test_what_is_seen_once_or_answered_badly_is_nothing(tmp_path):
             return completion({"things": [{"name": "sofa", "box": [0, 12, 10, 20]}]})
         return completion("no json")
 
-    things, requests = named(tmp_path, script, [view(0.0, b"one"), view(0.0, b"two")])
-    assert things == [] and len(requests) == 5  # the second frame is tried four times
+    found, requests = named(tmp_path, script, [view(0.0, b"one"), view(0.0, b"two")])
+    assert found == ([], Tally(frames=2, unanswered=1))
+    assert len(requests) == 5  # the second frame is tried four times
 
 
 def test_frames_are_cached(tmp_path):
@@ -73,4 +75,4 @@ def test_frames_are_cached(tmp_path):
         settings = LlmSettings(base_url=server.url, model="eyes", backoff_s=0.0)
         backend = openai_backend(settings, form=Sights)
         again = name_things(Client(settings, tmp_path / "cache", backend), views)
-        assert again == first != [] and server.requests == []
+        assert again == first and first[0] != [] and server.requests == []

@@ -10,17 +10,16 @@ from typing import Any
 
 from ....formats.core.atomic import write_bytes
 from ....formats.core.episode import Episode
-from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.visibility import Visibility, read_visibility
 from ....formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ....formats.vlnce.groups import group_by_path, per_instruction
+from ....instruction_gen.facts.named import Named, read_named
 from ....instruction_gen.instruct import InstructResult, instruct_episodes
 from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.records import InstructConfig
 from ...engine.work import ItemResult
 
 CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
-OBJECTS = "objects.json"  # in the ledger's folder, what `NameThingsJob` wrote
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ class InstructJob:
         facts: Facts records to write.
         cache: Folder of a language model's answers.
         per_instruction: Write one episode per instruction; a path then has several.
-        objects: Objects that a vision-language model named in scenes without labels; or None.
+        named: What a vision-language model named in scenes without labels, one record per scene.
         vision_model: That model, "" without one.
     """
 
@@ -46,7 +45,7 @@ class InstructJob:
     config: InstructConfig
     seed: int
     per_instruction: bool = False
-    objects: Path | None = None
+    named: tuple[Path, ...] = ()
     vision_model: str = ""
 
     def run(self) -> ItemResult:
@@ -54,41 +53,31 @@ class InstructJob:
         started = time.process_time()
         asked = read_episodes(self.episodes)
         sight = read_sights(self.seen)
-        objects = read_objects(self.objects) if self.objects else None
+        named = read_named(self.named)
         result = instruct_episodes(
-            asked, self.scenes, self.config, self.seed, sight, cache=self.cache, objects=objects
+            asked, self.scenes, self.config, self.seed, sight, cache=self.cache, named=named
         )
-        made = [self._with_vision(episode, objects or {}) for episode in result.episodes]
+        kept = set() if self.config.replace else {e.episode_id for e in asked if e.instruction}
+        made = [
+            episode if episode.episode_id in kept else self._with_vision(episode, named)
+            for episode in result.episodes
+        ]
         if self.per_instruction:
             made = [one for path in group_by_path(made) for one in per_instruction(path)]
         write_episodes(self.out, made)
         write_facts(self.facts, result.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 
-    def _with_vision(self, episode: Episode, objects: Mapping[str, Any]) -> Episode:
+    def _with_vision(self, episode: Episode, named: Mapping[str, Named]) -> Episode:
         """Return the episode with a record of the model that named things for its texts, if any."""
         record = episode.extra.get("instruction")
-        if record is None or scene_stem(episode.scene_id) not in objects:
+        if record is None or scene_stem(episode.scene_id) not in named:
             return episode
         seen = {
             "vision_model": self.vision_model,
             "vision_prompt_sha256": prompts_sha256(SIGHT_PROMPTS),
         }
         return replace(episode, extra={**episode.extra, "instruction": {**record, **seen}})
-
-
-def read_objects(path: Path) -> dict[str, list[LabeledObject]]:
-    """Read the objects by scene that `NameThingsJob` wrote."""
-    scenes = json.loads(path.read_text()).items()
-    return {scene: [_object(**values) for values in objects] for scene, objects in scenes}
-
-
-def _object(
-    name: str, category: str, lower_m: list[float], upper_m: list[float], level: int
-) -> LabeledObject:
-    x0, y0, z0 = lower_m
-    x1, y1, z1 = upper_m
-    return LabeledObject(name, category, (x0, y0, z0), (x1, y1, z1), level)
 
 
 def read_sights(paths: Sequence[Path]) -> Visibility | None:

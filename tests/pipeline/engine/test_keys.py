@@ -31,6 +31,7 @@ JOBS = {
     "repair": "scenes.repair",
     "repair of splats": "scenes.repair_splats",
     "sample": "episodes",
+    "name": "instructions.name_things",
     "instruct": "instructions.instruct",
     "replay": "replay",
     "render": "render",
@@ -83,7 +84,7 @@ EDITS = {
         "collectors/rendering/kernels/surface_light.py",
         "\nfrom .",
         "\nBRIGHTER = 2\nfrom .",
-        {"render", "pictures", "look"},
+        {"render", "pictures", "look", "name"},
     ),
     "how gaits run": (
         "collectors/locomotion/observation.py",
@@ -108,7 +109,7 @@ EDITS = {
         "formats/splatting/blend.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
-        {"repair of splats", "render", "pictures", "look"},
+        {"repair of splats", "render", "pictures", "look", "name"},
     ),
     "how depth is fused, which the virtual scanner does, too": (
         "formats/fusion/volume.py",
