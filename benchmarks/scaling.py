@@ -4,19 +4,13 @@
 ledger: CPU seconds as measured inside the workers, bytes and files as recorded in the manifest.
 """
 
-import os
-import resource
-import shutil
 import tempfile
 import time
 from collections import Counter, defaultdict
-from collections.abc import Callable
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks import chain
-from vlnpe.formats.lerobot import assemble_dataset
+from benchmarks import chain, merge
 from vlnpe.pipeline.engine.files import FileRecord
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger, Row
 
@@ -47,13 +41,11 @@ def report(run: Path) -> str:
         "",
         "| rows | add ms a row | save s | open s | manifest MB | peak MB |",
         "| ---: | ---: | ---: | ---: | ---: | ---: |",
-        *(_line(*_apart(manifest_cost, count)) for count in ROWS),
+        *(merge.line(*merge.apart(manifest_cost, count)) for count in ROWS),
         "",
         "Joining units into one LeRobot dataset:",
         "",
-        "| units | wall s | ms a unit | dataset MB | files | peak MB |",
-        "| ---: | ---: | ---: | ---: | ---: | ---: |",
-        *(_line(*_apart(merge_cost, _first_unit(where), count)) for count in UNITS),
+        *merge.table(merge.first_unit(where), UNITS),
     ]
     return "\n".join(lines) + "\n"
 
@@ -75,10 +67,6 @@ def _kept(ledger: Ledger, row: Row) -> dict[str, int]:
     paths = [ledger.root / output for output in row.outputs]
     files = [f for p in paths for f in ([p] if p.is_file() else p.rglob("*")) if f.is_file()]
     return {"bytes": sum(f.stat().st_size for f in files), "files": len(files)}
-
-
-def _first_unit(run: Path) -> Path:
-    return next(path for path in sorted((run / "units").glob("*/*")) if path.is_dir())
 
 
 def manifest_cost(count: int) -> tuple[Any, ...]:
@@ -123,37 +111,5 @@ def manifest_cost(count: int) -> tuple[Any, ...]:
         f"{saved - kept:.1f}",
         f"{opened - saved:.1f}",
         f"{size:.0f}",
-        f"{_peak_mb():.0f}",
+        f"{merge.peak_mb():.0f}",
     )
-
-
-def merge_cost(unit: Path, count: int) -> tuple[Any, ...]:
-    """Join `count` copies of a unit into one dataset; a line of the table."""
-    with tempfile.TemporaryDirectory() as folder:
-        units = [Path(folder) / "units" / f"{k:06d}" for k in range(count)]
-        for one in units:
-            shutil.copytree(unit, one, copy_function=os.link)
-        out = Path(folder) / "dataset"
-        started = time.perf_counter()
-        assemble_dataset(units, out, provenance={}, licence="cc0-1.0", title="merge")
-        seconds = time.perf_counter() - started
-        files = [path for path in out.rglob("*") if path.is_file()]
-        size = sum(path.stat().st_size for path in files) / 1e6
-    return (
-        f"{count:,}", f"{seconds:.1f}", f"{1000 * seconds / count:.1f}", f"{size:.0f}",
-        f"{len(files)}", f"{_peak_mb():.0f}",
-    )  # fmt: skip
-
-
-def _apart(function: Callable[..., tuple[Any, ...]], *arguments: Any) -> tuple[Any, ...]:
-    """Call in a separate process, so that its peak memory is that of the call alone."""
-    with get_context("spawn").Pool(1) as pool:
-        return pool.apply(function, arguments)
-
-
-def _line(*cells: Any) -> str:
-    return "| " + " | ".join(str(cell) for cell in cells) + " |"
-
-
-def _peak_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

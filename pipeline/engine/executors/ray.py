@@ -1,5 +1,6 @@
 """Items as tasks of a Ray cluster, whose machines share the run folder."""
 
+import logging
 import os
 import socket
 from collections.abc import Callable
@@ -8,6 +9,8 @@ from typing import Any
 
 from ....formats.core.errors import InputError, MissingExtraError
 from .base import Executor
+
+log = logging.getLogger(__name__)
 
 
 class RayExecutor(Executor):
@@ -30,6 +33,7 @@ class RayExecutor(Executor):
         """
         try:
             import ray
+            from ray._private import worker
         except ImportError as error:
             raise MissingExtraError("--executor ray", "cluster") from error
         # Ray's own messages would tear the progress bars apart.
@@ -44,6 +48,8 @@ class RayExecutor(Executor):
                 ray.init(address="local", num_cpus=workers or None, **quiet)
         except (OSError, ValueError, RuntimeError) as error:
             raise InputError(f"no Ray cluster at {where or 'this machine'}: {error}") from error
+        # It has no option for what it prints of a lost machine: 50 lines of its log, on stdout.
+        worker._worker_logs_enabled = False
         self._ray = ray
         machines = [node["Resources"].get("CPU", 0) for node in ray.nodes() if node["Alive"]]
         total = int(sum(machines))
@@ -65,6 +71,10 @@ class RayExecutor(Executor):
 
         reference.future().add_done_callback(hand_on)
         return outcome
+
+    def restart(self) -> None:
+        """Tell that something was lost; Ray itself goes on with what is left."""
+        log.warning("a process or a machine of the cluster was lost; its items run again")
 
     def close(self) -> None:
         """Drop waiting tasks and leave the cluster, which ends if it was started here."""

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.runs import work
+from tests.support.runs.ray_nodes import two_nodes
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.pipeline.engine.executors.base import Execution, make_executor
 from vlnpe.pipeline.engine.executors.slurm import parse_options
@@ -47,19 +48,10 @@ class TestRay:
 
     @pytest.fixture
     def cluster(self, monkeypatch):
-        pytest.importorskip("ray")
         # Workers import the tests' jobs, as those of a cluster import the installed package.
         monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
-        from ray.cluster_utils import Cluster
-
-        cluster = Cluster(
-            initialize_head=True,
-            head_node_args={"num_cpus": 1, "object_store_memory": 80 * 2**20},
-        )
-        second = cluster.add_node(num_cpus=1, object_store_memory=80 * 2**20)
-        cluster.wait_for_nodes()
-        yield cluster, second
-        cluster.shutdown()
+        with two_nodes() as nodes:
+            yield nodes
 
     def test_a_killed_node_loses_nothing(self, cluster, tmp_path):
         head, second = cluster
