@@ -37,25 +37,33 @@ def bare(two_rooms):
     return replace(two_rooms, objects=())
 
 
+class Asking:
+    """Names the rooms of some frames.
+
+    Attributes:
+        sent: number of requests of the last call, also where it raised.
+    """
+
+    def __init__(self, bundle, cache):
+        self.regions, self.cache, self.sent = {0: region_map(bundle, 0)}, cache, 0
+
+    def __call__(self, script, views, **limits):
+        """Return rooms, tally and requests."""
+        with Server(script).running() as server:
+            settings = LlmSettings(base_url=server.url, model="eyes", backoff_s=0.0, **limits)
+            client = Client(settings, self.cache, openai_backend(settings, form=RoomSight))
+            try:
+                return *name_rooms(client, views, self.regions), server.requests
+            finally:
+                self.sent = len(server.requests)
+
+
 @pytest.fixture
 def ask(bare, tmp_path, monkeypatch):
-    """Name the rooms of some frames; return rooms, tally and requests."""
     for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("VLNPE_LLM_API_KEY", KEY)
-    regions = {0: region_map(bare, 0)}
-
-    def named(script, views, **limits):
-        with Server(script).running() as server:
-            settings = LlmSettings(base_url=server.url, model="eyes", backoff_s=0.0, **limits)
-            backend = openai_backend(settings, form=RoomSight)
-            client = Client(settings, tmp_path / "cache", backend)
-            try:
-                return *name_rooms(client, views, regions), server.requests
-            finally:
-                named.sent = len(server.requests)
-
-    return named
+    return Asking(bare, tmp_path / "cache")
 
 
 def saying(*rooms):

@@ -137,7 +137,7 @@ def test_a_run_is_instructed_in_its_own_scenes(
     for given in (tmp_path, train):
         assert instruct(capsys, given, *options)[1]["episodes"] == 1
     assert CountedWorkers.count_submitted == 1
-    unseen = shutil.copy(train, tmp_path / "episodes" / "val_unseen.json.gz")
+    unseen = Path(shutil.copy(train, tmp_path / "episodes" / "val_unseen.json.gz"))
     assert main(["instruct", str(tmp_path), *map(str, options)]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.endswith(f"{tmp_path}: has several episode files; valid: one of {train}, {unseen}")
