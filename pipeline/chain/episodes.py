@@ -18,7 +18,7 @@ from ..engine.runner import StageSummary, WorkItem
 from ..inputs.builtin import BuiltIn
 from ..jobs.instructions.instruct import CACHE, InstructJob
 from ..jobs.instructions.name_things import NameThingsJob
-from ..stages import align, episodes, instruct, name, repair, visibility
+from ..stages import align, episodes, instruct, repair, sight
 from .run import Run
 
 
@@ -139,17 +139,17 @@ def _instructed(
     folder, ledger, config = run.folder, run.context.ledger, wording.config
     rows = source.good()
     items = [
-        visibility.item(row, folder.scenes, parts[s], folder.seen(s), wording.robot, config.replace)
+        sight.item(row, folder.scenes, parts[s], folder.seen(s), wording.robot, config.replace)
         for s, row in rows.items()
     ]
-    seen = run.stage(visibility.STAGE, items).good()
+    seen = run.stage(sight.STAGE, items).good()
     named: dict[str, Row] = {}  # by item, of the scenes that a model was asked about
     if wording.vision is None:
-        _forget_named(run, map(_scene_of, seen))
+        _forget_named(run, map(align.scene_of_part, seen))
     else:
         made = _named(run, wording.vision, wording, {s: rows[s] for s in seen}, parts)
-        seen = {s: row for s, row in seen.items() if _scene_of(s) in made}
-        named = {s: row for s in seen if name.was_asked(row := made[_scene_of(s)])}
+        seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in made}
+        named = {s: row for s in seen if sight.was_asked(row := made[align.scene_of_part(s)])}
     instructed = {s: folder.episodes(f"told/{s}") for s in seen}
     items = [
         instruct.item(
@@ -163,7 +163,7 @@ def _instructed(
                 cache=folder.root / CACHE,
                 config=config,
                 seed=run.seed,
-                named=(folder.named(_scene_of(s)),) if s in named else (),
+                named=(folder.named(align.scene_of_part(s)),) if s in named else (),
                 vision_model=wording.vision.model if wording.vision else "",
             ),
             rows[s].key,
@@ -193,7 +193,7 @@ def _named(
     folder = run.folder
     by_scene: dict[str, list[str]] = {}
     for s in rows:
-        by_scene.setdefault(_scene_of(s), []).append(s)
+        by_scene.setdefault(align.scene_of_part(s), []).append(s)
     items = []
     for scene, here in by_scene.items():
         job = NameThingsJob(
@@ -205,19 +205,14 @@ def _named(
             cache=folder.root / CACHE,
             out=folder.named(scene),
         )
-        items.append(name.item(scene, job, *(rows[s].key for s in here)))
-    named = run.stage(name.STAGE, items, required=True).good()
-    sys.stderr.writelines(name.report(named.values()))
+        items.append(sight.name_item(scene, job, *(rows[s].key for s in here)))
+    named = run.stage(sight.NAME_STAGE, items, required=True).good()
+    sys.stderr.writelines(sight.naming_report(named.values()))
     return named
 
 
 def _forget_named(run: Run, scenes: Iterable[str]) -> None:
     """Delete what an earlier run had named: `vlnpe review` judges texts by what is there."""
-    run.unselect(name.STAGE)
+    run.unselect(sight.NAME_STAGE)
     for scene in scenes:
         run.folder.named(scene).unlink(missing_ok=True)
-
-
-def _scene_of(item: str) -> str:
-    """Return the scene of an item, which is called split@scene where there are several files."""
-    return item.rsplit("@", 1)[-1]

@@ -14,7 +14,7 @@ from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
 from ..inputs.crews import action_timing, kept
-from ..stages import export, instruct, name, render, replay, together
+from ..stages import export, instruct, render, replay, sight, together
 from .run import Run
 
 
@@ -143,7 +143,7 @@ def _renders(
 def _model_usage(ledger: Ledger) -> dict[str, Any]:
     """Return requests, tokens and cost of the language model; empty without one."""
     # Of all models that write or name; they count in one file.
-    return name.usage([*ledger.rows(name.STAGE), *ledger.rows(instruct.STAGE)])
+    return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
 
 
 def _config(run: Run, robot: str, controller: str) -> ReplayConfig:

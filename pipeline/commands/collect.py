@@ -29,7 +29,7 @@ from ..inputs.folders import find_scans
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..inputs.views import check_frame_rate, chosen_views
 from ..options.collect import Collect
-from ..stages import align, repair, report, visibility
+from ..stages import align, repair, report, sight
 from ..stages.export import check_depth_storage
 from ..summary import joined, print_result, show_summary, stage_table
 from .instruct import instruct_config, vision_settings
@@ -148,7 +148,7 @@ def _eye(ledger: Ledger) -> str | None:
 
     Robots that join later walk the same episodes with the same instructions.
     """
-    rows = (row for row in ledger.rows(visibility.STAGE) if row.status == "done")
+    rows = (row for row in ledger.rows(sight.STAGE) if row.status == "done")
     return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
 
 

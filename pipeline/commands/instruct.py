@@ -23,7 +23,7 @@ from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_si
 from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct
 from ..options.shared import Wording
-from ..stages import instruct, name, repair, visibility
+from ..stages import instruct, repair, sight
 from ..summary import print_result
 
 # In the ledger's folder.
@@ -66,7 +66,7 @@ def run(options: Instruct) -> int:
         naming: Mapping[str, Row] = {}
         if vision is not None and by_scene:
             items = [
-                name.item(
+                sight.name_item(
                     scene,
                     NameThingsJob(
                         scene=scenes / scene,
@@ -82,7 +82,7 @@ def run(options: Instruct) -> int:
                 )
                 for scene, episodes in by_scene.items()
             ]
-            summary = run_stage(context, name.STAGE, items, required=True)
+            summary = run_stage(context, sight.NAME_STAGE, items, required=True)
             made_before += summary.rows
             naming = summary.good()
         keys += [row.key for row in made_before if row.status == "done"]
@@ -110,14 +110,14 @@ def run(options: Instruct) -> int:
         )
         keys.append(str(options.per_instruction))
         made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
-    spent = {"vision_model": name.usage(naming.values())} if naming else {}
+    spent = {"vision_model": sight.model_usage(naming.values())} if naming else {}
     failed = lost | made["quarantined"]
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
         _show(read_episodes(out), job, options.show)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
-        sys.stdout.writelines(name.report(naming.values()))
+        sys.stdout.writelines(sight.naming_report(naming.values()))
         for label, count in made["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
@@ -141,8 +141,8 @@ def _look(
     for scene, episodes in by_scene.items():
         source = Row("episodes", scene, digest(rows[scene].key, episodes), "done")
         files = (_part(root, scene), _seen(root, scene))
-        items.append(visibility.item(source, scenes, *files, robot, every))
-    return run_stage(context, visibility.STAGE, items, required=True)
+        items.append(sight.item(source, scenes, *files, robot, every))
+    return run_stage(context, sight.STAGE, items, required=True)
 
 
 def _forget(root: Path, used: Set[Path]) -> None:

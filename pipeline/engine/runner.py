@@ -13,12 +13,12 @@ from ...formats.core.errors import InputError, VlnpeError
 from ...formats.core.progress import progress_bar
 from .executors.attempts import attempt, run_items
 from .executors.base import Executor
+from .executors.parts import watched
 from .explain import changes, parts_of
 from .ledger import Ledger
 from .record import forget_failure, record
 from .rows import Row, StageSummary
 from .signals import OnlyDone
-from .watch import watched
 from .work import WorkItem
 
 log = logging.getLogger(__name__)

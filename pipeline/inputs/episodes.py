@@ -59,9 +59,9 @@ def scenes_of(given: Path, scenes: Path | None) -> Path:
     """
     if scenes is not None:
         return scenes
-    folder = given if given.is_dir() else given.absolute().parent
-    run = folder if given.is_dir() else folder.parent
-    if (given.is_dir() or folder.name == "episodes") and (run / "scenes").is_dir():
+    parent = given.absolute().parent
+    run = given if given.is_dir() else parent.parent if parent.name == "episodes" else None
+    if run is not None and (run / "scenes").is_dir():
         return run / "scenes"
     if given.is_dir():
         raise InputError(f"{given}: contains no scenes/; give it with --scenes FOLDER")

@@ -13,9 +13,9 @@ from ...collectors.rendering.people.pictures import (
 from ...collectors.rendering.people.scene_map import top_down_map
 from ...collectors.robots import get_robot
 from ...formats.core.atomic import write_json
-from ...formats.core.part_done import telling
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
+from ..engine.executors.parts import telling
 from ..engine.work import ItemResult
 from .render import scene_renderer
 

@@ -7,8 +7,8 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.people.pictures import save_picture
 from ...collectors.rendering.people.story import policy_film
 from ...collectors.robots import get_robot
-from ...formats.core.part_done import telling
 from ...formats.mcap.rollout import read_rollout
+from ..engine.executors.parts import telling
 from ..engine.work import ItemResult
 from .render import scene_renderer
 

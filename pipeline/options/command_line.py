@@ -73,11 +73,9 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
     if strays:
         raise unknown_word(command, strays[0], option_names(record))
     missing = [
-        _option(one) or one.name.upper()
-        for one in needed
-        if (
-            _option(one) not in given if _option(one) else str(getattr(options, one.name)) == ABSENT
-        )
+        option or one.name.upper()
+        for one, option in zip(needed, map(_option, needed), strict=True)
+        if (option and option not in given) or str(getattr(options, one.name)) == ABSENT
     ]
     if missing:
         what = f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"

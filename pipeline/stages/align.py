@@ -77,6 +77,11 @@ def part_name(split: str, scene: str, files: int) -> str:
     return scene if files == 1 else f"{split}@{scene}"
 
 
+def scene_of_part(name: str) -> str:
+    """Return the scene of a share that `part_name` named."""
+    return name.rsplit("@", 1)[-1]
+
+
 def record_rejected(
     ledger: Ledger,
     filtered: StageSummary,

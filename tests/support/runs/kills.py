@@ -14,7 +14,7 @@ from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 # One worker takes an episode through these stages; each begins when the one before it has written.
 EPISODE_STAGES = {"replay": "", "render": "rollouts", "export": "frames", "mcap": "units"}
 EPISODES = "episodes"  # the name of their common progress
-# In a pipe, a stage is told of only after a while: here when it begins.
+# In a pipe, a stage's first line is written after `SHORT_S`; here, when the stage begins.
 PROMPT = """
 import sys
 from vlnpe.formats.core import progress

@@ -10,8 +10,8 @@ from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
-from vlnpe.formats.core.part_done import telling
 from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.parts import telling
 from vlnpe.pipeline.engine.work import ItemResult
 
 

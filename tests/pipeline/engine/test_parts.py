@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from tests.support.runs import work
-from vlnpe.formats.core import part_done, progress
+from vlnpe.formats.core import progress
 from vlnpe.formats.core.atomic import sweep_beside
-from vlnpe.pipeline.engine import watch
+from vlnpe.pipeline.engine.executors import parts
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
@@ -17,7 +17,7 @@ def test_a_bar_advances_while_its_items_are_being_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "SHORT_S", 0.0)
-    monkeypatch.setattr(watch, "EVERY_S", 0.01)
+    monkeypatch.setattr(parts, "LOOKED_S", 0.01)
     paths = [tmp_path / "first.mp4", tmp_path / "second.mp4"]
     items = [
         WorkItem(path.stem, "k", (path,), work.Call(work.tell, (path, part, 1.0)))
@@ -35,8 +35,8 @@ def test_what_is_told_goes_with_the_worker_and_never_leads_a_bar_back(tmp_path: 
     out = tmp_path / "a.walk.mp4"
     item = WorkItem("a", "k", (out,), work.Call(work.write, (out, "")))
     with progress.progress_bar("video", 1, show=False) as bar:
-        looked = watch.Watch(bar, [item])
-        with part_done.telling(out) as tell:
+        looked = parts.Watch(bar, [item])
+        with parts.telling(out) as tell:
             tell(0.4)
             tell(0.9)  # within the same second
             looked.look()
@@ -53,8 +53,8 @@ def test_what_is_told_goes_with_the_worker_and_never_leads_a_bar_back(tmp_path: 
 @pytest.mark.parametrize("text", ["", "nan", "half", "7"])
 def test_what_cannot_be_read_is_no_more_than_all(tmp_path: Path, text: str) -> None:
     out = tmp_path / "a.mp4"
-    with part_done.telling(out) as tell:
+    with parts.telling(out) as tell:
         tell(0.5)
         (written,) = tmp_path.iterdir()
         written.write_text(text)
-        assert 0.0 <= part_done.part_done(out) <= 1.0
+        assert 0.0 <= parts.part_done(out) <= 1.0
