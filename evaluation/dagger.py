@@ -1,4 +1,7 @@
-"""DAgger: a policy walks, an expert says at every step what it would have done."""
+"""DAgger: a policy walks, an expert says at every step what it would have done.
+
+Without a policy the expert walks alone, which gives further walks to train on.
+"""
 
 from dataclasses import dataclass
 
@@ -10,7 +13,7 @@ from ..collectors.replay import ReplayConfig, replay_in
 from ..collectors.world import World
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.core.rollout import Action
+from ..formats.core.rollout import Action, EndReason, Rollout
 from ..learning.checkpoint import Checkpoint
 from ..learning.images import depth_input, rgb_input
 from ..learning.training.corrections import Correction
@@ -25,7 +28,7 @@ class _Mixed:
 
     blind = False
 
-    def __init__(self, policy: LearnedPolicy, expert_share: float, rng: np.random.Generator):
+    def __init__(self, policy: LearnedPolicy | None, expert_share: float, rng: np.random.Generator):
         self._policy, self._share, self._rng = policy, expert_share, rng
         self.seen: list[Observation] = []
         self.advice: list[Action] = []
@@ -33,14 +36,17 @@ class _Mixed:
         self.left_m: list[float] = []
 
     def reset(self, assignment: Assignment) -> None:
-        self._policy.reset(assignment)
+        if self._policy is not None:
+            self._policy.reset(assignment)
 
     def act(self, observation: Observation) -> Action:
-        action, advice = self._policy.act(observation), self.advice[-1]
-        # A model that stops early ends its walk, and all that could be learned behind it.
-        early = action is Action.STOP and advice is not Action.STOP
-        if early or self._rng.random() < self._share:
-            action = advice
+        action = advice = self.advice[-1]
+        if self._policy is not None:
+            action = self._policy.act(observation)
+            # A model that stops early ends its walk, and all that could be learned behind it.
+            early = action is Action.STOP and advice is not Action.STOP
+            if early or self._rng.random() < self._share:
+                action = advice
         self.seen.append(observation)
         self.executed.append(action)
         return action
@@ -84,20 +90,57 @@ def corrected_walk(
         InputError: the robot stands in an obstacle at the episode's start.
     """
     walk = _Mixed(LearnedPolicy(checkpoint), expert_share, rng)
+    _walk(world, episode, config, eye, walk)
+    card = checkpoint.card
+    return _correction(walk, world, episode, card.config.size_px, card.view.depth_far_m)
+
+
+def expert_walk(
+    world: World,
+    episode: Episode,
+    config: ReplayConfig,
+    eye: Eye,
+    *,
+    size_px: int,
+    depth_far_m: float,
+) -> Correction | None:
+    """Let the expert walk an episode; return the walk, or None if it does not end at the goal.
+
+    Args:
+        config: robot, controller and further settings; see `closed_loop`.
+        size_px: width and height of the images kept.
+        depth_far_m: greatest depth kept [m].
+
+    Raises:
+        InputError: the robot stands in an obstacle at the episode's start.
+    """
+    walk = _Mixed(None, 1.0, np.random.default_rng(0))
+    rollout = _walk(world, episode, config, eye, walk)
+    if rollout.end_reason is not EndReason.SUCCESS:
+        return None
+    return _correction(walk, world, episode, size_px, depth_far_m)
+
+
+def _walk(world: World, episode: Episode, config: ReplayConfig, eye: Eye, walk: _Mixed) -> Rollout:
     assignment = Assignment.of(episode, world.robot.name, config.controller)
     walk.reset(assignment)
 
     def choose(task: Task) -> _Corrected:
         return _Corrected(PolicyChooser(world, assignment, walk, eye), Expert(task), walk)
 
-    replay_in(world, episode, config, choose)
+    rollout = replay_in(world, episode, config, choose)
     if not walk.executed:
         raise InputError(f"episode {episode.episode_id} cannot be started")
-    size, far_m = checkpoint.card.config.size_px, checkpoint.card.view.depth_far_m
+    return rollout
+
+
+def _correction(
+    walk: _Mixed, world: World, episode: Episode, size_px: int, depth_far_m: float
+) -> Correction:
     left_m = np.array(walk.left_m)
     return Correction(
-        rgb=np.stack([rgb_input(o.rgb, size).numpy() for o in walk.seen]),
-        depth_m=np.stack([depth_input(o.depth_m, size, far_m).numpy() for o in walk.seen]),
+        rgb=np.stack([rgb_input(o.rgb, size_px).numpy() for o in walk.seen]),
+        depth_m=np.stack([depth_input(o.depth_m, size_px, depth_far_m).numpy() for o in walk.seen]),
         action=np.array([int(a) for a in walk.advice], np.int64),
         executed=np.array([int(a) for a in walk.executed], np.int64),
         pose=np.stack([o.pose for o in walk.seen]),

@@ -65,10 +65,14 @@ class Kept:
     lengths: Counter[tuple[str, int]] = field(default_factory=Counter)
     crossed: Counter[tuple[str, int]] = field(default_factory=Counter)
 
+    def avoid(self, path_m: Array, split: str) -> None:
+        """Remember a path (P, 2 or 3) [m] that new ones must differ from."""
+        self.index.add(stations(path_m))
+        self.splits.append(split)
+
     def add(self, candidate: Candidate) -> None:
         """Remember a kept path."""
-        self.index.add(stations(candidate.reference_m))
-        self.splits.append(candidate.split)
+        self.avoid(candidate.reference_m, candidate.split)
         self.visits[candidate.ends] += 1
         length = int(path_length(candidate.reference_m) / LENGTH_BIN_M)
         self.lengths[(candidate.split, length)] += 1

@@ -63,6 +63,7 @@ def sample_episodes(
     config: SampleConfig,
     rng: np.random.Generator,
     quotas: Mapping[str, int] | None = None,
+    avoid: Sequence[Episode] = (),
 ) -> SampleResult:
     """Sample distinct paths over all levels of a scene, up to a quota for each split.
 
@@ -78,6 +79,8 @@ def sample_episodes(
         config: what is wanted.
         rng: the only source of randomness.
         quotas: paths by split; by default `config.count` of `config.split`.
+        avoid: episodes of this scene that are there already; new paths differ from them as from
+            each other.
 
     Raises:
         SceneError: not a single path can be found; the message counts the reasons.
@@ -88,6 +91,8 @@ def sample_episodes(
     # smaller one. Between quotas paths compete, and fixed sets are known by digest.
     headings = rng if quotas else rng.spawn(1)[0]
     search = _Search(bundle, config, rng)
+    for episode in avoid:
+        search.by_level[episode.level].avoid(episode.reference_path_world_m, episode.split)
     kept: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None

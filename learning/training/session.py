@@ -17,7 +17,7 @@ from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
 from ..camera import view_of
-from ..card import Card
+from ..card import Card, View
 from ..checkpoint import load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
@@ -43,6 +43,8 @@ class Request:
         start: checkpoint to start from (fine-tuning).
         validate: scores in closed loop at each checkpoint; without it the last one is kept.
         corrections: walks of `corrections.write_correction`, which get half of the draws (DAgger).
+        augmented: the expert's walks of more paths, also of `write_correction`, drawn as often as
+            those of the recipe.
         cache: folder of decoded images; `out`/cache when None.
         recipe_sha256: digest of the recipe's file.
     """
@@ -56,6 +58,7 @@ class Request:
     start: Path | None = None
     validate: Validation | None = None
     corrections: tuple[Path, ...] = ()
+    augmented: tuple[Path, ...] = ()
     cache: Path | None = None
     recipe_sha256: str = ""
 
@@ -76,14 +79,37 @@ class Result:
     plan: MixturePlan
 
 
-def train_recipe(request: Request, *, show: bool = True) -> Result:
-    """Train one mixture of a recipe; the same request and folder again resumes.
+@dataclass(frozen=True)
+class Planned:
+    """What a request trains on.
+
+    Attributes:
+        mixture: name of the recipe's mixture.
+        held: held-out episodes by source.
+        view: the camera of all episodes.
+    """
+
+    config: TrainConfig
+    mixture: str
+    plan: MixturePlan
+    holdout: Holdout
+    held: Mapping[str, Selection]
+    view: View
+
+    def every(self, label: str) -> tuple[str, ...]:
+        """Return the values of a label, such as `robot`, that occur among the episodes."""
+        found = {str(v) for s in self.plan.sources for v in s.selection.labels(label)}
+        return tuple(sorted(found))
+
+
+def plan_training(request: Request) -> Planned:
+    """Choose the episodes of a request.
 
     Raises:
         InputError: settings or data that are not valid.
-        FileFormatError: damaged data, weights or state.
+        FileFormatError: damaged data.
     """
-    recipe, out = request.recipe, request.out
+    recipe = request.recipe
     config = train_config({**recipe.train, **(request.changes or {})})
     name = _mixture_name(recipe, request.mixture)
     library = Library(request.data)
@@ -92,6 +118,20 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     holdout = _holdout(recipe, found)
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in found.items()}
+    view = view_of([s.selection for s in plan.sources])
+    return Planned(config, name, plan, holdout, held, view)
+
+
+def train_recipe(request: Request, *, show: bool = True) -> Result:
+    """Train one mixture of a recipe; the same request and folder again resumes.
+
+    Raises:
+        InputError: settings or data that are not valid.
+        FileFormatError: damaged data, weights or state.
+    """
+    recipe, out = request.recipe, request.out
+    planned = plan_training(request)
+    config, plan = planned.config, planned.plan
     seed = recipe.seed if request.seed is None else request.seed
     start = load_checkpoint(request.start) if request.start else None
     if start is not None and start.card.config.model != config.model:
@@ -101,18 +141,18 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     cache = request.cache or out / "cache"
     sources = [_cached(s.selection, tokens, config, cache, choice) for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
-    unseen = [_cached(s, tokens, config, cache) for s in held.values() if len(s)]
+    unseen = [_cached(s, tokens, config, cache) for s in planned.held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
     decode_all([*sources, *unseen], show=show)
     card = Card(
         config=config,
         words=tokens.vocabulary.words,
-        view=view_of([s.selection for s in plan.sources]),
-        robots=_every(plan, "robot"),
-        controllers=_every(plan, "controller"),
-        lights=_every(plan, "light"),
+        view=planned.view,
+        robots=planned.every("robot"),
+        controllers=planned.every("controller"),
+        lights=planned.every("light"),
         seed=seed,
-        recipe={"title": recipe.title, "mixture": name, "sha256": request.recipe_sha256},
+        recipe={"title": recipe.title, "mixture": planned.mixture, "sha256": request.recipe_sha256},
         data=tuple(
             {
                 "source": s.name,
@@ -124,19 +164,24 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
             for s in plan.sources
         ),
         held_out={
-            "by": holdout.by,
-            "scenes": list(holdout.scenes),
-            "trajectories": sorted(holdout.trajectories),
+            "by": planned.holdout.by,
+            "scenes": list(planned.holdout.scenes),
+            "trajectories": sorted(planned.holdout.trajectories),
         },
         start=start.sha256 if start is not None else "",
     )
     episodes: list[TrainingEpisodes] = [*sources]
     shares = plan.shares.tolist()
-    if request.corrections:
-        corrected = CorrectedEpisodes(request.corrections, tokens, config)
-        episodes, shares = [*episodes, corrected], [*(share / 2 for share in shares), 0.5]
-        source = {"source": "corrections", "share": 0.5, "episodes": len(corrected)}
-        card = replace(card, data=(*card.data, source | {"sha": corrected.digest, "datasets": []}))
+    for name, files in (("augmented", request.augmented), ("corrections", request.corrections)):
+        if not files:
+            continue
+        walks = CorrectedEpisodes(files, tokens, config)
+        share = 0.5
+        if name == "augmented":
+            share = len(walks) / (len(walks) + sum(len(s) for s in sources))
+        episodes, shares = [*episodes, walks], [*(s * (1 - share) for s in shares), share]
+        source = {"source": name, "share": round(share, 6), "episodes": len(walks)}
+        card = replace(card, data=(*card.data, source | {"sha": walks.digest, "datasets": []}))
     log = TrainingLog(out, card, config, seen, unseen, request.validate)
     with progress_bar("train", config.steps, show=show) as bar:
         train_model(
@@ -204,7 +249,3 @@ def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
         chosen.take(mask), episodes.sequences.tokens, episodes.sequences.config
     )
     return CachedSequences(sequences, episodes.folder, episodes.images)
-
-
-def _every(plan: MixturePlan, label: str) -> tuple[str, ...]:
-    return tuple(sorted({str(v) for s in plan.sources for v in s.selection.labels(label)}))

@@ -73,21 +73,26 @@ class Train(Printing):
     start: Path | None = None
     """Checkpoint (.safetensors) to start from (fine-tuning); its vocabulary is kept."""
     run: Path | None = None
-    """Run folder with the scenes and episodes of --validate and --dagger."""
+    """Run folder with the scenes and episodes of --validate, --augment and --dagger."""
     validate: int = 0
     """Number of episodes of --run to evaluate in closed loop at each checkpoint, always the same
     ones; the checkpoint with the highest success rate is kept. 0 keeps the last one."""
     validate_split: str | None = None
     """Split of these episodes, for example val_seen; all by default."""
+    augment: int = 0
+    """Number of further paths to train on (as EnvDrop's): sampled in the training's scenes, away
+    from held-out ones, told by the composer and walked by the expert, in <out>/augmented."""
     dagger: int = 0
     """Rounds of DAgger after training: the model executes training episodes of --run, the
     expert labels each pose, and training continues on both, in <out>/dagger-<round>."""
     dagger_episodes: int = 50
     """Number of episodes per round of DAgger."""
     robot: str = "vlnce"
-    """Robot of --validate and --dagger: a name (see `vlnpe robots`), or the folder of your own."""
+    """Robot of --validate, --augment and --dagger: a name (see `vlnpe robots`), or the folder of
+    your own."""
     controller: str = "flash"
-    """Controller of --validate and --dagger: flash (placed without physics) or speed."""
+    """Controller of --validate, --augment and --dagger: flash (placed without physics), or
+    speed."""
     device: str | None = None
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0

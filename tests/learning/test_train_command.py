@@ -2,8 +2,10 @@
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 import torch
 
@@ -13,10 +15,12 @@ from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.formats.vlnce.files import write_episodes
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.learning.card import read_card
 from vlnpe.learning.training.corrections import CorrectedEpisodes
 from vlnpe.pipeline.cli import main
+from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.similarity import path_gap
 
 
 @pytest.fixture
@@ -87,6 +91,43 @@ def test_dagger_goes_on_with_corrected_walks(
         CorrectedEpisodes(files, card.tokens, card.config)[0]
 
 
+def test_augmentation_trains_on_further_walks_away_from_held_out_ones(
+    walks: Walks, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    held = replace(walks.episodes[0], split="val_seen", episode_id="held", trajectory_id="held")
+    write_episodes(run / "episodes" / "val_seen.json.gz", [held])
+    call = ["train", recipe(tmp_path, steps=2), "--data", str(walks.root), "--out", str(out)]
+    call += ["--threads", "1", "--run", str(run), "--augment", "3", "--json"]
+    assert main(call) == 0
+    card, _ = read_card(out / "cma.safetensors")
+    episodes = read_episodes(out / "augmented" / "episodes.json.gz")
+    files = sorted((out / "augmented").glob("*.npz"))
+    assert 0 < len(files) <= len(episodes) <= 3
+    added = card.data[-1]
+    assert added["source"] == "augmented" and added["episodes"] == len(files)
+    assert added["share"] == pytest.approx(len(files) / (len(files) + 2), abs=1e-6)
+    for episode in episodes:
+        assert episode.instruction and len(episode.extra["instructions"]) == 3
+        for path in (held.reference_path_world_m, held.reference_path_world_m[::-1]):
+            assert path_gap(episode.reference_path_world_m, path) >= SampleConfig.family_gap_m
+    # The walk follows the expert to the goal.
+    item = CorrectedEpisodes(files, card.tokens, card.config)[0]
+    assert int(item["action"][-1]) == 0 and (item["action"][:-1] > 0).all()
+    assert (item["previous_action"][1:] == item["action"][:-1] + 1).all()
+    goal = episodes[int(files[0].stem)].goal_position_world_m[:2]
+    start = episodes[int(files[0].stem)].start_position_world_m[:2]
+    walked = float(np.linalg.norm(item["pose"][-1, :2].numpy()))
+    assert abs(walked - float(np.linalg.norm(goal - start))) < 0.5
+    # The same command makes nothing again; another number is refused.
+    before = [path.stat().st_mtime_ns for path in files]
+    assert main(call) == 0
+    assert [path.stat().st_mtime_ns for path in files] == before
+    capsys.readouterr()
+    assert main([*call[:-2], "2"]) == 2
+    assert "other settings" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [
@@ -94,6 +135,8 @@ def test_dagger_goes_on_with_corrected_walks(
         (["--inputs", "rgb,smell"], "instruction"),
         (["--validate", "3"], "--run"),
         (["--dagger", "1"], "--run"),
+        (["--augment", "1"], "--run"),
+        (["--augment", "-1"], "0 or more"),
         (["--mixture", "other"], "walks"),
         (["--start", "nowhere.safetensors"], "nowhere"),
         (["--steps", "0"], "1 or more"),
@@ -113,11 +156,12 @@ def test_wrong_options_are_answered_with_the_valid_ones(
     assert not list(out.glob("*"))
 
 
-def test_dagger_is_refused_for_a_model_of_waypoints(
-    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("flag", ["--augment", "--dagger"])
+def test_walks_of_actions_are_refused_for_a_model_of_waypoints(
+    flag: str, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     call = ["train", recipe(tmp_path, steps=2), "--data", str(tmp_path), "--model", "rdp"]
-    assert main([*call, "--out", str(tmp_path / "o"), "--run", str(run), "--dagger", "1"]) == 2
+    assert main([*call, "--out", str(tmp_path / "o"), "--run", str(run), flag, "1"]) == 2
     error = capsys.readouterr().err
-    assert "--dagger: rdp predicts waypoints" in error and "valid: --model cma" in error
+    assert f"{flag}: rdp predicts waypoints" in error and "valid: --model cma" in error
     assert not (tmp_path / "o").exists()

@@ -1,5 +1,7 @@
-"""What a training does in closed loop: validation, and DAgger."""
+"""What a training does in closed loop: validation, augmentation, and DAgger."""
 
+import logging
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,22 +10,27 @@ import numpy as np
 from ....collectors.controllers import controller_for
 from ....collectors.rendering.camera.views import CameraOverrides
 from ....collectors.replay import ReplayConfig
-from ....evaluation.dagger import corrected_walk
+from ....evaluation.dagger import corrected_walk, expert_walk
 from ....evaluation.episode import closed_loop
 from ....evaluation.learned import LearnedPolicy
 from ....evaluation.rounds import Round, spread
-from ....formats.core.errors import InputError
+from ....formats.core.atomic import write_bytes
+from ....formats.core.episode import Episode
 from ....formats.core.progress import progress_bar
-from ....learning.card import Card
+from ....learning.card import Card, View
 from ....learning.checkpoint import Checkpoint, load_checkpoint
 from ....learning.models.registry import Model
 from ....learning.training.corrections import write_correction
 from ....learning.training.curves import Validation
-from ....learning.training.session import Request, Result, train_recipe
+from ....learning.training.session import Planned, Request, Result, train_recipe
 from ...inputs.crews import chosen_robots
 from ...inputs.episodes import asked_episodes
 from ...inputs.views import chosen_views
 from ...options.training import Train
+from .augment import DONE, more_episodes
+from .missing import run_of
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -35,20 +42,21 @@ class _Walks:
 
     def round(self, card: Card, count: int, held_out: frozenset[str] = frozenset()) -> Round:
         """Return up to `count` episodes, evenly spread, none of a trajectory that is held out."""
-        options = self.options
-        if options.run is None:
-            raise InputError(
-                "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
-            )
-        episodes, scenes = asked_episodes(options.run, None, self.split)
+        episodes, scenes = asked_episodes(run_of(self.options), None, self.split)
         episodes = [e for e in episodes if f"{e.scene_id}/{e.trajectory_id}" not in held_out]
-        (robot,) = chosen_robots(options.robot)
-        controller_for(robot, options.controller)
-        light = card.lights[0] if len(card.lights) == 1 else "baked"
-        camera = card.view.camera("ego")
-        (view,) = chosen_views(camera, light, "auto", robot, CameraOverrides())
-        config = ReplayConfig(robot=options.robot, controller=options.controller)
-        return Round(spread(episodes, count), scenes, view, closed_loop(config))
+        return _round(self.options, card.view, card.lights, spread(episodes, count), scenes)
+
+
+def _round(
+    options: Train, seen: View, lights: Sequence[str], episodes: tuple[Episode, ...], scenes: Path
+) -> Round:
+    """Return episodes as the robot of the options walks them, with the camera of the data."""
+    (robot,) = chosen_robots(options.robot)
+    controller_for(robot, options.controller)
+    light = lights[0] if len(lights) == 1 else "baked"
+    (view,) = chosen_views(seen.camera("ego"), light, "auto", robot, CameraOverrides())
+    config = ReplayConfig(robot=options.robot, controller=options.controller)
+    return Round(episodes, scenes, view, closed_loop(config))
 
 
 def validation(options: Train) -> Validation | None:
@@ -67,6 +75,43 @@ def validation(options: Train) -> Validation | None:
         }
 
     return validate
+
+
+def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...]:
+    """Let the expert walk more paths in the training scenes (as EnvDrop's; Tan et al., 2019).
+
+    Paths are near none that is held out. Walks that do not end at the goal are left out.
+
+    Returns:
+        Files of the walks, in <out>/augmented; those that are there already are not made again.
+
+    Raises:
+        InputError: a scene of the training is not in the run, or no path can be found.
+        FileFormatError: <out>/augmented is of other settings.
+    """
+    folder = options.out / "augmented"
+    episodes, scenes = more_episodes(options, run_of(options), planned, seed, folder)
+    walks = _round(options, planned.view, planned.every("light"), tuple(episodes), scenes)
+    size_px, far_m = planned.config.size_px, planned.view.depth_far_m
+    with progress_bar("augment", len(episodes)) as bar:
+        if not (folder / DONE).is_file():
+            for number, (world, eye, episode) in enumerate(walks.starts()):
+                path = folder / f"{number:04d}.npz"
+                if not path.is_file():
+                    walk = expert_walk(
+                        world, episode, walks.config, eye, size_px=size_px, depth_far_m=far_m
+                    )
+                    if walk is not None:
+                        write_correction(path, walk)
+                bar.update()
+            write_bytes(folder / DONE, b"")
+    files = tuple(sorted(folder.glob("*.npz")))
+    if len(files) < len(episodes):
+        logger.warning(
+            "--augment: %d of %d walks did not end at their goal and are left out",
+            len(episodes) - len(files), len(episodes),
+        )  # fmt: skip
+    return files
 
 
 def dagger(options: Train, request: Request, result: Result) -> Result:

@@ -1,4 +1,4 @@
-"""The commands that collect what a recipe finds no episodes for."""
+"""What a training lacks: the commands that collect it, and the run that must be named."""
 
 import shlex
 from collections.abc import Iterable, Iterator
@@ -10,8 +10,10 @@ from pathlib import Path
 from ....datasets.mixture.choice import NoEpisodesError
 from ....datasets.mixture.recipe import EVERYTHING, OWN_VIEW, Source
 from ....formats.core.checkout import program
+from ....formats.core.errors import InputError
 from ...engine.ledger import MANIFEST_NAME, Ledger
 from ...options.collect import Collect
+from ...options.training import Train
 
 COLLECT = "collect"
 NEW_RUN = "apartment-0"  # of the built-in scene
@@ -85,3 +87,17 @@ def _paths(ledger: Ledger) -> dict[str, int]:
         if row.status == "done":
             found.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
     return {scene: len(paths) for scene, paths in found.items()}
+
+
+def run_of(options: Train) -> Path:
+    """Return the run folder whose episodes are walked.
+
+    Raises:
+        InputError: none is named.
+    """
+    if options.run is None:
+        raise InputError(
+            "--validate, --augment and --dagger need the scenes and episodes of a run; name it "
+            "with --run FOLDER"
+        )
+    return options.run

@@ -2,19 +2,20 @@
 
 import json
 import sys
+from dataclasses import replace
 from typing import Any
 
 from ....formats.core.atomic import file_digest, sweep
 from ....formats.core.checkout import program
 from ....formats.core.errors import InputError
 from ...options.training import Train
-from .missing import commands_for_missing
+from .missing import commands_for_missing, run_of
 from .threads import start_torch
 
 RDP = "rdp"
-_NO_DAGGER = (
-    f"--dagger: {RDP} predicts waypoints, and the expert corrects discrete actions; valid: --model "
-    "cma or seq2seq, or no --dagger"
+_NO_WALKS = (
+    f"{{flag}}: {RDP} predicts waypoints, and the expert's walks have discrete actions; valid: "
+    "--model cma or seq2seq, or no {flag}"
 )
 
 
@@ -24,25 +25,24 @@ def run(options: Train) -> int:
     Raises:
         InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
-    for name in ("validate", "dagger", "dagger_episodes"):
+    for name in ("validate", "augment", "dagger", "dagger_episodes"):
         if getattr(options, name) < 0:
             flag = "--" + name.replace("_", "-")
             raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
-    if (options.validate or options.dagger) and options.run is None:
-        raise InputError(
-            "--validate and --dagger need the episodes of a run; name it with --run FOLDER"
-        )
+    if options.validate or options.augment or options.dagger:
+        run_of(options)
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path
     from ....learning.training.curves import CURVES
-    from ....learning.training.session import Request, train_recipe
-    from .loop import dagger, validation
+    from ....learning.training.session import Request, plan_training, train_recipe
+    from .loop import augmentation, dagger, validation
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
-    if options.dagger and _changes(options, recipe.train)["model"].get("name") == RDP:
-        raise InputError(_NO_DAGGER)
+    for flag, asked in (("--augment", options.augment), ("--dagger", options.dagger)):
+        if asked and _changes(options, recipe.train)["model"].get("name") == RDP:
+            raise InputError(_NO_WALKS.format(flag=flag))
     if options.out.is_dir():
         sweep(options.out)
     request = Request(
@@ -58,6 +58,10 @@ def run(options: Train) -> int:
         recipe_sha256=file_digest(path),
     )
     with commands_for_missing(options.data):
+        if options.augment:
+            seed = recipe.seed if options.seed is None else options.seed
+            walks = augmentation(options, plan_training(request), seed)
+            request = replace(request, augmented=walks)
         result = dagger(options, request, train_recipe(request))
     last = dict(result.curves[-1]) if result.curves else {}
     if options.json:

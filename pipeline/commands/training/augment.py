@@ -1,0 +1,113 @@
+"""More paths in the scenes of a training, with texts, for `vlnpe train --augment`."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from ....formats.core.atomic import write_json
+from ....formats.core.episode import Episode
+from ....formats.core.errors import FileFormatError, InputError, SceneError
+from ....formats.lerobot.splits import TRAIN, is_published_holdout
+from ....formats.scene.bundle import load_bundle
+from ....formats.untrusted.documents import read_json
+from ....formats.vlnce.files import read_episodes, write_episodes
+from ....instruction_gen.instruct import instruct_episodes, path_generator
+from ....instruction_gen.records import InstructConfig
+from ....learning.training.holdout import scene_of
+from ....learning.training.session import Planned
+from ....trajectory_sampler.config import SampleConfig
+from ....trajectory_sampler.sampling import sample_episodes
+from ...inputs.crews import chosen_robots
+from ...inputs.episodes import asked_episodes
+from ...options.training import Train
+
+logger = logging.getLogger(__name__)
+
+DONE = "done"  # file that says that all walks were made
+_MADE_BY, _EPISODES = "made_by.json", "episodes.json.gz"
+
+
+def more_episodes(
+    options: Train, run: Path, planned: Planned, seed: int, folder: Path
+) -> tuple[list[Episode], Path]:
+    """Return about `options.augment` new episodes with texts, and the folder of their scenes.
+
+    They are spread evenly over the scenes that the training's episodes lie in, and kept in
+    `folder`. Texts are the composer's, of what the map alone shows.
+
+    Raises:
+        InputError: a scene of the training is not in the run, or no path can be found.
+        FileFormatError: `folder` holds episodes of other settings.
+    """
+    (robot,) = chosen_robots(options.robot)
+    there, scenes = asked_episodes(run, None, None)
+    paths = [t for s in planned.plan.sources for t in s.selection.trajectories()]
+    names = sorted({scene_of(path) for path in paths})
+    if lacking := [name for name in names if not (scenes / name).is_dir()]:
+        raise InputError(
+            f"{scenes}: lacks {', '.join(lacking)}, where the training's episodes lie; name the "
+            "run that they were collected in with --run FOLDER"
+        )
+    made_by = {
+        "augment": options.augment,
+        "robot": options.robot,
+        "controller": options.controller,
+        "seed": seed,
+        "size_px": planned.config.size_px,
+        "view": asdict(planned.view),
+        "lights": list(planned.every("light")),
+        "episodes": [s.selection.digest for s in planned.plan.sources],
+    }
+    file = folder / _EPISODES
+    if file.is_file():
+        _check(folder / _MADE_BY, made_by)
+        return read_episodes(file), scenes
+    held = planned.holdout.trajectories
+    avoid = [
+        episode
+        for episode in there
+        if is_published_holdout(episode.split)
+        or f"{episode.scene_id}/{episode.trajectory_id}" in held
+    ]
+    found: list[Episode] = []
+    for number, name in enumerate(names):
+        count = options.augment // len(names) + (number < options.augment % len(names))
+        if count:
+            wanted = SampleConfig(count=count, robot_radius_m=robot.footprint_radius_m)
+            near = [episode for episode in avoid if episode.scene_id == name]
+            found += _sampled(scenes / name, wanted, near, seed)
+    texts = instruct_episodes(found, scenes, InstructConfig(), seed)
+    for episode, reason in texts.failed.items():
+        logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)
+    if not texts.episodes:
+        raise InputError("--augment: no further path was found in the training's scenes")
+    write_json(folder / _MADE_BY, made_by)
+    write_episodes(file, texts.episodes)
+    return texts.episodes, scenes
+
+
+def _sampled(
+    scene: Path, config: SampleConfig, avoid: Sequence[Episode], seed: int
+) -> list[Episode]:
+    """Return new training episodes of one scene; none, with a warning, where none is found."""
+    bundle = replace(load_bundle(scene), scene_id=scene.name)
+    try:
+        result = sample_episodes(bundle, config, path_generator(seed, scene.name), avoid=avoid)
+    except SceneError as error:
+        logger.warning("--augment: %s", error)
+        return []
+    names = [f"{episode.episode_id}-augmented" for episode in result.episodes]
+    return [
+        replace(episode, episode_id=name, trajectory_id=name, split=TRAIN)
+        for episode, name in zip(result.episodes, names, strict=True)
+    ]
+
+
+def _check(file: Path, made_by: Mapping[str, Any]) -> None:
+    """Raise FileFormatError if the episodes beside `file` were made with other settings."""
+    if read_json(file) != made_by:
+        raise FileFormatError(
+            file, "augmented with other settings or data; use another output folder"
+        )
