@@ -1,10 +1,10 @@
 """`make dataset-bench`: the dataset that learned baselines are trained and tested on.
 
-Generated apartments, villas and houses in their exact geometry: some to train in, whose walks lie
-in OUT/training, and others that no training sees, whose scenes and episodes lie in OUT/unseen. The
-physical robots walk the paths under `--controller`, the bodyless agent under flash. The command can
-be interrupted and repeated, and grown: more scenes, robots or controllers later keep what is there,
-as long as `--kinds`, `--paths` and `--image` stay the same.
+Generated apartments, villas and houses, in their exact geometry unless they are to be scanned: some
+to train in, whose walks lie in OUT/training, and others that no training sees, whose scenes and
+episodes lie in OUT/unseen. The physical robots walk the paths under `--controller`, the bodyless
+agent under flash. The command can be interrupted and repeated, and grown: more scenes, robots or
+controllers later keep what is there, as long as `--kinds`, `--paths` and `--image` stay the same.
 """
 
 import argparse
@@ -16,6 +16,7 @@ from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import did_you_mean
 from vlnpe.pipeline.cli import main as vlnpe
 
+EXACT, SCANNED = "builtin-exact", "builtin"
 KINDS = ("apartment", "villa", "house")
 FIRST_UNSEEN_SEED = 1000
 TRAINING, UNSEEN = "training", "unseen"  # folders of --out
@@ -25,10 +26,10 @@ QUARANTINED = 1  # exit code of a run that put something into quarantine
 WIDEST_M = max(robot.footprint_radius_m for robot in ROBOTS.values())
 
 
-def scenes(first: int, count: int, kinds: Sequence[str]) -> str:
+def scenes(first: int, count: int, kinds: Sequence[str], scheme: str = EXACT) -> str:
     """Return what `--scene` takes: kinds in turn, each with consecutive seeds."""
     return ",".join(
-        f"builtin-exact:{kinds[k % len(kinds)]}@{first + k // len(kinds)}" for k in range(count)
+        f"{scheme}:{kinds[k % len(kinds)]}@{first + k // len(kinds)}" for k in range(count)
     )
 
 
@@ -53,6 +54,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--image", type=int, default=128, help="width and height of images [px]")
     parser.add_argument("--robot", default="h1,aliengo,jetbot,vlnce", help="comma-separated")
     parser.add_argument("--controller", default="speed", help="of robots with a body")
+    parser.add_argument("--scanned", action="store_true", help="scan and repair the buildings")
     parser.add_argument("--out", type=Path, default=Path("runs/dataset-bench"))
     options, more = parser.parse_known_args(arguments)
     if options.train < 1 or options.unseen < 0 or min(options.paths, options.unseen_paths) < 1:
@@ -61,6 +63,7 @@ def main(arguments: list[str] | None = None) -> int:
     if unknown := set(kinds) - set(KINDS):
         named = ", ".join(f"{kind}{did_you_mean(kind, KINDS)}" for kind in sorted(unknown))
         parser.error(f"--kinds: {named}; valid: {', '.join(KINDS)}")
+    scheme = SCANNED if options.scanned else EXACT
     common = [
         "collect",
         "--allow-fewer",
@@ -71,14 +74,14 @@ def main(arguments: list[str] | None = None) -> int:
     ]
     training = [
         *common,
-        f"--scene={scenes(0, options.train, kinds)}",
+        f"--scene={scenes(0, options.train, kinds, scheme)}",
         f"--splits={splits(options.train, options.paths)}",
         f"--train-scenes={options.train}",
         f"--out={options.out / TRAINING}",
     ]
     unseen = [
         *common,
-        f"--scene={scenes(FIRST_UNSEEN_SEED, options.unseen, kinds)}",
+        f"--scene={scenes(FIRST_UNSEEN_SEED, options.unseen, kinds, scheme)}",
         f"--splits=val_unseen={options.unseen * options.unseen_paths}",
         "--only-episodes",
         f"--out={options.out / UNSEEN}",

@@ -67,7 +67,7 @@ def _run(options: argparse.Namespace, call: Callable[[Sequence[str]], int]) -> i
         options.split,
         options.out,
         settings,
-        cells.training_scenes(_training_run(options.data)),
+        cells.training_scenes(options.data),
         options.workers,
         call,
     )
@@ -118,14 +118,6 @@ def _distinct(chosen: Sequence[Table], labels: Sequence[str]) -> list[Row]:
     """Return the rows of tables, of some labels unless there are none, each cell once."""
     rows = [row for table in chosen for row in table.rows if not labels or row.label in labels]
     return list({row.cell(0): row for row in rows}.values())
-
-
-def _training_run(data: Path) -> Path:
-    """Return the first run folder in `data` that has training episodes."""
-    found = sorted(data.glob("**/episodes/train.json.gz"))
-    if not found:
-        raise VlnpeError(f"{data}: no run with episodes/train.json.gz; collect one first")
-    return found[0].parents[1]
 
 
 def _write_page(source: Path, value: Mapping[str, Any]) -> None:

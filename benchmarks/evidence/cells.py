@@ -94,9 +94,16 @@ def read_settings(path: Path = SETTINGS) -> Settings:
     )
 
 
-def training_scenes(run: Path) -> tuple[str, ...]:
-    """Return the scenes of a run's training episodes, in the order of its file."""
-    episodes = read_episodes(run / "episodes" / "train.json.gz")
+def training_scenes(data: Path) -> tuple[str, ...]:
+    """Return the scenes of the training episodes of all runs in `data`, in their files' order.
+
+    Raises:
+        InputError: there is no such run.
+    """
+    files = sorted(data.glob("**/episodes/train.json.gz"))
+    if not files:
+        raise InputError(f"{data}: no run with episodes/train.json.gz; collect one first")
+    episodes = [episode for file in files for episode in read_episodes(file)]
     return tuple(dict.fromkeys(episode.scene_id for episode in episodes))
 
 
@@ -109,12 +116,21 @@ def missing(bench: Bench, row: Row) -> str:
     """Return why a row cannot be measured with the data at hand; empty if it can."""
     if not isinstance(row.policy, Training):
         return ""
-    if row.policy.scenes > len(bench.scenes):
-        return f"the data has {len(bench.scenes)} training scenes"
+    scenes = chosen_scenes(bench, row.policy)
+    if row.policy.only and not scenes:
+        return f"no training scene is called {row.policy.only}…"
+    if row.policy.scenes > len(scenes):
+        return f"the data has {len(scenes)} training scenes"
     for walks in row.policy.robots:
         if not _datasets(bench, walks):
             return no_data(walks)
     return ""
+
+
+def chosen_scenes(bench: Bench, training: Training) -> tuple[str, ...]:
+    """Return the training scenes of a row."""
+    named = tuple(name for name in bench.scenes if name.startswith(training.only))
+    return named[: training.scenes] if training.scenes else named
 
 
 def no_data(walks: str) -> str:
@@ -197,7 +213,7 @@ def recipe(bench: Bench, training: Training) -> dict[str, Any]:
     if training.model not in DISCRETE:  # as many steps as the others with their rounds
         train["steps"] *= 1 + bench.settings.dagger_rounds
     train["steps"] *= training.longer * (len(training.robots) if training.passes else 1)
-    chosen = bench.scenes[: training.scenes] if training.scenes else ()
+    chosen = chosen_scenes(bench, training) if training.scenes or training.only else ()
     sources = {}
     for walks in training.robots:
         robot, controller = walks.split("/")

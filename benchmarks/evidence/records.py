@@ -30,6 +30,7 @@ class Training:
         model: key of `learning.config.MODELS`.
         inputs: of the model; features of the others are zero.
         scenes: number of training scenes, 0 for all.
+        only: beginning of the names of the scenes that are trained in.
         fraction: of the paths in each of them.
         passes: whether each robot's walks are passed over as often as in a training on them alone,
             by as many times the optimiser steps as there are robots; else all rows make as many
@@ -41,6 +42,7 @@ class Training:
     model: str = "cma"
     inputs: tuple[str, ...] = ALL_INPUTS
     scenes: int = 0
+    only: str = ""
     fraction: float = 1.0
     passes: bool = False
     longer: int = 1
@@ -53,6 +55,8 @@ class Training:
             parts.append("-on-" + "-".join(self.robots).replace("/", "-"))
         if self.scenes:
             parts.append(f"-{self.scenes}-scenes")
+        if self.only:
+            parts.append(f"-in-{self.only.rstrip('-')}")
         if self.fraction < 1.0:
             parts.append(f"-{self.fraction:g}-of-paths")
         if self.passes:
@@ -74,6 +78,7 @@ class Training:
             f"{_WORDS.get(self.model, self.model)} on {' + '.join(whose)}",
             _WORDS.get(sense, sense),
             f"{self.scenes} scenes" if self.scenes else "",
+            f"{self.only}… alone" if self.only else "",
             f"{self.fraction:g} of the paths" if self.fraction < 1.0 else "",
             "equal passes" if self.passes else "",
             f"{self.longer} times the steps" if self.longer > 1 else "",

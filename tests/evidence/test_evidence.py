@@ -158,7 +158,7 @@ def test_a_cell_of_several_tables_is_chosen_by_any_of_its_labels(
     [
         (["--rows", "randm"], "unknown row 'randm' (did you mean random?); valid: CMA, CMA, RGB"),
         (["--rows", "random;H1, physics"], "unknown row 'H1, physics'"),  # of table 2
-        (["--tables", "1,9"], "unknown table '9'; valid: 1, 2, 3, 4, 5, 6, 7, 8"),
+        (["--tables", "1,10"], "unknown table '10'; valid: 1, 2, 3, 4, 5, 6, 7, 8, 9"),
     ],
 )
 def test_unknown_rows_and_tables_are_refused(
@@ -405,3 +405,18 @@ def test_the_page_is_what_its_results_say(source: Path) -> None:
         assert texts((DOCS / f"{source.stem}-{key}.svg").read_bytes()) == texts(content)
     for cell in value["cells"].values():
         assert np.array(cell["values"]).shape == (len(value["episodes"]), len(value["metrics"]))
+
+
+def test_a_row_can_be_trained_in_the_scenes_of_one_name(run: Path, tmp_path: Path) -> None:
+    scenes = ("exact-apartment-0", "exact-apartment-1", "apartment-0", "apartment-1")
+    bench = cells.Bench(run, run, "val_unseen", tmp_path, cells.read_settings(), scenes)
+    rows = {row.label: row for row in tables(4)[9].rows}
+    for label, chosen in (("exact", scenes[:2]), ("scanned", scenes[2:])):
+        row = rows[f"trained in {label} homes"]
+        assert isinstance(row.policy, Training) and not cells.missing(bench, row)
+        assert recipe_of(cells.recipe(bench, row.policy)).sources["vlnce"].scenes == chosen
+    exact_alone = replace(bench, scenes=scenes[:2])
+    assert "apartment-" in cells.missing(exact_alone, rows["trained in scanned homes"])
+    assert cells.training_scenes(run) == ("home-0", "home-1", "home-2")
+    with pytest.raises(InputError, match="collect one first"):
+        cells.training_scenes(tmp_path / "docs")

@@ -52,3 +52,19 @@ def test_robots_with_and_without_a_body_get_controllers_that_can_drive_them(monk
     ]
     assert "--splits=val_unseen=24" in unseen and "--only-episodes" in unseen
     assert all("--seed=3" in call for call in calls)
+
+
+def test_scanned_buildings_are_those_of_the_exact_set(monkeypatch) -> None:
+    calls: list[list[str]] = []
+    monkeypatch.setattr(dataset, "vlnpe", lambda arguments: calls.append(arguments) or 0)
+    for more in ([], ["--scanned"]):
+        assert dataset.main(["--robot", "vlnce", "--train", "3", "--unseen", "2", *more]) == 0
+    scenes = [
+        parse_builtin(option.removeprefix("--scene="), 0)
+        for call in calls
+        for option in call
+        if option.startswith("--scene=")
+    ]
+    assert [{b.scanned for b in group} for group in scenes] == [{False}, {False}, {True}, {True}]
+    named = [[(b.kind, b.seed) for b in group] for group in scenes]
+    assert named[:2] == named[2:]
