@@ -181,12 +181,12 @@ def _trained(
             yield cell, row, seed
 
 
-def _data(cell: Mapping[str, Any], row: Row) -> dict[tuple[str, int, float], str]:
-    """Return the digest of each robot's walks, by `robot/controller` and how many were taken."""
+def _data(cell: Mapping[str, Any], row: Row) -> dict[tuple[str, int, str, float], str]:
+    """Return the digest of each robot's walks, by `robot/controller` and which were taken."""
     training = row.policy
     assert isinstance(training, Training)
     return {
-        (walks, training.scenes, training.fraction): sha
+        (walks, training.scenes, training.only, training.fraction): sha
         for walks, sha in zip(training.robots, cell["data_sha"], strict=True)
     }
 

@@ -415,6 +415,18 @@ def test_a_row_can_be_trained_in_the_scenes_of_one_name(run: Path, tmp_path: Pat
         row = rows[f"trained in {label} homes"]
         assert isinstance(row.policy, Training) and not cells.missing(bench, row)
         assert recipe_of(cells.recipe(bench, row.policy)).sources["vlnce"].scenes == chosen
+    # Walks of other scenes are other data; the page takes both.
+    value = digest.collect(bench, tables(4), {})
+    made = {
+        rows[f"trained in {label} homes"].cell(0): {
+            "values": [],
+            "data_sha": [label],
+            "checkpoint_sha256": label,
+            "curve": [],
+        }
+        for label in ("exact", "scanned")
+    }
+    assert digest.collect(bench, tables(4), {}, {**value, "cells": made})["cells"] == made
     exact_alone = replace(bench, scenes=scenes[:2])
     assert "apartment-" in cells.missing(exact_alone, rows["trained in scanned homes"])
     assert cells.training_scenes(run) == ("home-0", "home-1", "home-2")
