@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-COUNTS = (100, 500, 1000)
+COUNTS = (100, 1000)
 LOOKED_S = 0.5  # between looks at the processes, whose peaks the kernel keeps
 # Short walks without a body, tiny pictures: what grows with episodes alone.
 OPTIONS = (
@@ -58,7 +58,8 @@ def measure(prepared: Path, episodes: int) -> tuple[float, float, int]:
             driver = max(driver, _peak_kib(process.pid))
             worker = max([worker, *map(_peak_kib, _children(process.pid))])
             time.sleep(LOOKED_S)
-    if process.returncode:
+    # 1: an episode was quarantined, for want of a true text for example; the others were made.
+    if process.returncode not in (0, 1):
         raise RuntimeError(f"collect ended with code {process.returncode}")
     made = sum(1 for _ in (run / "rollouts").rglob("*.mcap"))
     shutil.rmtree(run)

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
+from ...formats.core.kernel import kernel
 from ...formats.core.threads import in_order
 from ...formats.fusion.surface import ScanMesh
 from ..config import ScanConfig
@@ -107,17 +109,18 @@ class Baker:
 
         def paint(first: int) -> None:
             part = filled[first : first + _CHUNK]
-            which, b = flat_face[part], flat_bary[part]
-            weight = np.stack([1 - b[:, 0] - b[:, 1], b[:, 0], b[:, 1]], axis=1)
-            # `take` gathers rows several times faster than an index does.
-            position = np.einsum("nk,nki->ni", weight, points.take(which, axis=0))
-            bright = corner_light.take(which, axis=0)
-            shade = np.einsum("nk,nki->ni", np.clip(weight, 0, 1), bright)
-            flat_image[part] = self._texels(position, normals.take(which, axis=0), shade)
+            position, normal, shade = np.empty((3, len(part), 3), dtype=np.float32)
+            _spread(
+                part, flat_face, flat_bary, (points, normals, corner_light),
+                (position, normal, shade),
+            )  # fmt: skip
+            flat_image[part] = self._texels(position, normal, shade)
 
         for _ in in_order(paint, range(0, len(filled), _CHUNK)):
             pass
-        image[face < 0] = image[face >= 0].mean(0) if len(filled) else 0
+        painted = face >= 0
+        mean = np.array(cv2.mean(image, painted.view(np.uint8))[:3]).astype(np.uint8)
+        np.copyto(image, mean, where=~painted[..., None])
         return image
 
     def _texels(
@@ -140,3 +143,30 @@ class Baker:
 def page_corners(charts: Charts, packing: Packing) -> NDArray[np.float64]:
     """Return corners (F, 3, 2) on their pages [texels, y down]."""
     return charts.corner + packing.origin[charts.chart][:, None]
+
+
+@kernel()
+def _spread(texels, face, bary, corners, out):
+    """Interpolate what triangles have at their corners to the texels in them.
+
+    Args:
+        texels: (N,) index of each texel.
+        face: triangle in each texel of the page.
+        bary: weights (…, 2) of the second and third corner there, beyond 0…1 beside the triangle.
+        corners: positions (F, 3, 3), normals (F, 3) and light (F, 3, 3) of the triangles.
+        out: position, normal and light (N, 3) of the texels, written.
+    """
+    points, normals, light = corners
+    position, normal, shade = out
+    for i in range(len(texels)):
+        f = face[texels[i]]
+        b, c = bary[texels[i], 0], bary[texels[i], 1]
+        a = np.float32(1.0) - b - c
+        # Light is not extrapolated.
+        within = min(max(a, 0.0), 1.0), min(max(b, 0.0), 1.0), min(max(c, 0.0), 1.0)
+        for k in range(3):
+            position[i, k] = a * points[f, 0, k] + b * points[f, 1, k] + c * points[f, 2, k]
+            normal[i, k] = normals[f, k]
+            shade[i, k] = (
+                within[0] * light[f, 0, k] + within[1] * light[f, 1, k] + within[2] * light[f, 2, k]
+            )

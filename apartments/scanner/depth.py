@@ -6,6 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.rays.library import lanes
+from ...formats.rays.packets import TILES, tile_order
 from ..config import ScanConfig
 from .stations import View
 from .tracing import Tracer
@@ -22,6 +24,8 @@ class DepthCamera:
     Attributes:
         directions: (H · W, 3) float32 unit rays in the camera frame.
         cosine: (H · W,) float32 cosine of each ray with the optical axis.
+        traced: (H · W,) pixels in the order in which their rays are traced, tile by tile.
+        back: (H · W,) place of each pixel in that order.
     """
 
     width_px: int
@@ -29,6 +33,8 @@ class DepthCamera:
     focal_px: float
     directions: NDArray[np.float32]
     cosine: NDArray[np.float32]
+    traced: NDArray[np.int32]
+    back: NDArray[np.intp]
 
     @staticmethod
     def of(config: ScanConfig) -> "DepthCamera":
@@ -39,7 +45,11 @@ class DepthCamera:
         rays = np.stack([u, v, np.full_like(u, focal)], -1).reshape(-1, 3)
         rays /= np.linalg.norm(rays, axis=1, keepdims=True)
         rays = rays.astype(np.float32)
-        return DepthCamera(width, height, focal, rays, rays[:, 2].copy())
+        tiles = tile_order(config.view_px, tile_px=TILES[lanes()])
+        traced = tiles[tiles >= 0]
+        return DepthCamera(
+            width, height, focal, rays, rays[:, 2].copy(), traced, np.argsort(traced)
+        )
 
 
 def measure(
@@ -58,9 +68,10 @@ def measure(
     """
     directions = camera.directions @ view.rotation.T.astype(np.float32)
     origins = np.broadcast_to(view.position_m.astype(np.float32), directions.shape)
-    hits = tracer.first(origins, directions, RANGE_M[1] * 1.6)
-    depth = hits.distance_m * camera.cosine
-    facing = np.abs(np.einsum("ij,ij->i", normals.take(hits.face, axis=0), directions))
+    hits = tracer.first(origins, directions.take(camera.traced, axis=0), RANGE_M[1] * 1.6)
+    face = hits.face.take(camera.back)
+    depth = hits.distance_m.take(camera.back) * camera.cosine
+    facing = np.abs(np.einsum("ij,ij->i", normals.take(face, axis=0), directions))
     lost = facing < _GRAZING[0] + (_GRAZING[1] - _GRAZING[0]) * rng.random(len(facing)) ** 3
     bias = cv2.resize(
         rng.standard_normal((5, 7), dtype=np.float32),
@@ -70,7 +81,7 @@ def measure(
     sigma = config.noise_m + config.noise_per_m2 * depth**2
     noisy = depth + sigma * (rng.standard_normal(len(depth), dtype=np.float32) + 0.9 * bias)
     # Said by what is good, so that a reading which is not a number counts as none.
-    good = (hits.face >= 0) & ~lost & (depth >= RANGE_M[0]) & (depth <= RANGE_M[1])
+    good = (face >= 0) & ~lost & (depth >= RANGE_M[0]) & (depth <= RANGE_M[1])
     image = np.where(good & np.isfinite(noisy), noisy, 0.0).astype(np.float32)
     return image.reshape(camera.height_px, camera.width_px)
 

@@ -6,7 +6,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.kernel import kernel
 from ...formats.core.threads import beside
+from ...formats.rays.library import call_occluded, lanes
+from ...formats.rays.packets import FAR, VALID, fill_ray, packet
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .tracing import Tracer
@@ -15,6 +18,9 @@ _LIFT_M = 0.03
 _SKY = np.array([0.92, 0.98, 1.06], dtype=np.float32)
 _LAMP = np.array([1.08, 0.98, 0.84], dtype=np.float32)
 _SUN = np.array([1.0, 0.93, 0.8], dtype=np.float32)
+_SUN_STRENGTH, _SUN_REACH_M = np.float32(1.5), np.float32(40.0)
+# Shadow rays start this far before a surface, which must face the sun by this cosine at least.
+_SUN_LIFT_M, _LEAST_SUN = np.float32(0.012), np.float32(0.02)
 _WINDOW_SAMPLES, _NEAR_WINDOWS, _LAMP_SAMPLES, _NEAR_LAMPS = 4, 3, 3, 2
 
 
@@ -83,17 +89,14 @@ class Lighting:
         self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
     ) -> NDArray[np.floating]:
         """Return irradiance (N, 3) of direct sun, with sharp shadows."""
-        direction = self._lights.sun.astype(np.float32)
-        cosine = normals @ direction
-        lit = np.flatnonzero(cosine > 0.02)
-        result = np.zeros((len(points_m), 3), dtype=np.float32)
-        start = points_m[lit] + np.float32(0.012) * normals[lit]
-        shadow = self._open.blocked(
-            start, np.tile(direction, (len(lit), 1)), np.full(len(lit), 40, np.float32)
-        )
-        seen = lit[~shadow]
-        result[seen] = 1.5 * cosine[seen, None] * _SUN
-        return result
+        strength = np.empty(len(points_m), dtype=np.float32)
+        scene, direction = self._open.scene, self._lights.sun.astype(np.float32)
+        _sunlit(
+            scene.handle, scene.arguments, packet(), lanes(),
+            np.ascontiguousarray(points_m, dtype=np.float32),
+            np.ascontiguousarray(normals, dtype=np.float32), direction, strength,
+        )  # fmt: skip
+        return strength[:, None] * _SUN
 
     def _reflected(
         self,
@@ -115,7 +118,7 @@ class Lighting:
             angle = 2 * np.pi * (turn + np.float32(k * 0.61803398875))
             x, y = radius * np.cos(angle), radius * np.sin(angle)
             direction = x[:, None] * across + y[:, None] * along + np.sqrt(1 - radius**2) * normals
-            hits = self._tracer.first(start, direction, reach)
+            hits = self._tracer.first(start, direction, reach, coherent=False)
             near = hits.face >= 0
             openness = np.where(near, 0.28 + 0.72 * hits.distance_m / reach, 1.0)
             material = self._looks.material[hits.face]
@@ -198,3 +201,37 @@ def _tangents(
     across = np.cross(helper.astype(np.float32), normals)
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     return across, np.cross(normals, across)
+
+
+@kernel()
+def _sunlit(scene, arguments, rays, n, points, normals, direction, strength):
+    """Write the sun's irradiance (N,) at points (N, 3) with unit normals, 0 in shadow."""
+    bits = rays.view(np.int32)
+    valid = rays.ctypes.data + 4 * VALID
+    lit = np.empty(n, dtype=np.int64)
+    count = 0
+    for i in range(len(points)):
+        cosine = (
+            normals[i, 0] * direction[0]
+            + normals[i, 1] * direction[1]
+            + normals[i, 2] * direction[2]
+        )
+        strength[i] = _SUN_STRENGTH * cosine if cosine > _LEAST_SUN else 0.0
+        if cosine > _LEAST_SUN:
+            fill_ray(
+                rays, bits, n, count,
+                points[i, 0] + _SUN_LIFT_M * normals[i, 0],
+                points[i, 1] + _SUN_LIFT_M * normals[i, 1],
+                points[i, 2] + _SUN_LIFT_M * normals[i, 2],
+                direction[0], direction[1], direction[2], _SUN_REACH_M,
+            )  # fmt: skip
+            lit[count] = i
+            count += 1
+        if count == n or (count and i == len(points) - 1):
+            for k in range(count, n):
+                bits[VALID + k] = 0
+            call_occluded(n, valid, scene, rays.ctypes.data, arguments.ctypes.data)
+            for k in range(count):
+                if rays[FAR * n + k] < 0.0:
+                    strength[lit[k]] = 0.0
+            count = 0

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.camera import CameraModel
+from ...formats.rays.packets import TILES, PacketScene, tile_order
 from ...formats.scene.bundle import SceneBundle, VisualMesh
-from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions, tile_order
+from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions
 from .frame import RenderRequest
 from .kernels.data import Hits, LightArrays, Packets
 from .kernels.edges import add_samples, find_edges, in_order
 from .kernels.eye_rays import render_rays
-from .kernels.packets import TILES, PacketScene
 from .kernels.srgb import encode_srgb, encode_table
 from .light.contact_shadow import shadow_bounds
 from .light.lights import get_light

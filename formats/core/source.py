@@ -120,7 +120,16 @@ def _version(distribution: str) -> str | None:
 
 @cache
 def _owners() -> dict[str, list[str]]:
-    return dict(packages_distributions())
+    """Return the distributions that bring each top-level package.
+
+    Finding out takes half a second; it is kept as long as the same distributions are installed.
+    """
+    folders = [Path(folder) for folder in sys.path]
+    installed = sorted({path.name for folder in folders for path in folder.glob("*-info")})
+    known = _kept()["owners"]
+    if known.get("installed") != installed:
+        known["installed"], known["of"] = installed, dict(packages_distributions())
+    return known["of"]
 
 
 @cache
@@ -153,36 +162,39 @@ def _source(module: str) -> _Source:
     path = _path(module)
     raw = path.read_bytes()
     text = hashlib.sha256(raw).hexdigest()
-    known = _parsed().get(module)
+    known = _kept()["modules"].get(module)
     if known is None or known["text"] != text:
         known = {"text": text, **_parse(module, path, raw)}
-        _parsed()[module] = known
+        _kept()["modules"][module] = known
     # Which names are modules depends on other files, too.
     ours = frozenset(name for name in known["names"] if _file(name) is not None)
     return _Source(ours, frozenset(known["others"]), known["digest"])
 
 
 @cache
-def _parsed() -> dict[str, Any]:
-    """Return what is known of modules by the text they had; it is kept when the process ends.
+def _kept() -> dict[str, Any]:
+    """Return what is known of modules by the text they had, and of what is installed.
 
-    Parsing all of them takes most of a second, in every process that uses a kernel.
+    It is kept when the process ends: finding it out takes a second, in every process that uses a
+    kernel.
     """
     this = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
     path = ROOT / "__pycache__" / f"sources-{sys.implementation.cache_tag}-{this}.json"
     try:
-        known = json.loads(path.read_bytes())
+        before = path.read_text()
+        known = json.loads(before)
     except (OSError, ValueError):  # there is none yet
-        known = {}
-    atexit.register(_keep, path, known, dict(known))
+        before, known = "", {"modules": {}, "owners": {}}
+    atexit.register(_keep, path, known, before)
     return known
 
 
-def _keep(path: Path, known: dict[str, Any], before: dict[str, Any]) -> None:
-    if known != before and not sys.dont_write_bytecode:
+def _keep(path: Path, known: dict[str, Any], before: str) -> None:
+    text = json.dumps(known)
+    if text != before and not sys.dont_write_bytecode:
         with contextlib.suppress(OSError):  # an installed package may be read-only
             path.parent.mkdir(exist_ok=True)
-            write_bytes(path, json.dumps(known).encode())
+            write_bytes(path, text.encode())
 
 
 def _parse(module: str, path: Path, raw: bytes) -> dict[str, Any]:

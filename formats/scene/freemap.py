@@ -88,8 +88,10 @@ class Freemap:
 
     def traversable_on(self, grid: GridSpec) -> NDArray[np.bool_]:
         """Return `traversable` at the cell centres of another grid, (rows, columns) of that."""
-        i, j = np.indices(grid.shape)
-        cells = self.grid.cell_of(grid.center_of(np.stack([i, j], axis=-1)))
-        inside = self.grid.inside(cells)
-        cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
-        return inside & self.traversable[cells[..., 0], cells[..., 1]]
+        rows, columns = self.grid.under(grid)
+        held = np.pad(self.traversable, 1)
+        return held[
+            np.ix_(
+                np.clip(rows, -1, self.grid.rows) + 1, np.clip(columns, -1, self.grid.columns) + 1
+            )
+        ]

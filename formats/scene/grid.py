@@ -45,6 +45,18 @@ class GridSpec:
         rc = np.asarray(row_column)
         return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)
 
+    def under(self, grid: "GridSpec") -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the row here under the centre of each row of another grid, and so the columns.
+
+        Centres outside give indices outside `shape`.
+        """
+        found = []
+        for axis, count in enumerate(grid.shape):
+            at = np.zeros((count, 2))
+            at[:, axis] = np.arange(count)
+            found.append(self.cell_of(grid.center_of(at))[:, axis])
+        return found[0], found[1]
+
     @staticmethod
     def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> "GridSpec":
         """Return the grid aligned to multiples of `cell_m` that covers a box (2,), (2,) [m]."""

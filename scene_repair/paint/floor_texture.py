@@ -106,7 +106,9 @@ def _paint_room(
     x, y = texels.origin_xy_m
     corner = (x + j0 * texels.cell_m, y + i0 * texels.cell_m)
     seen = GridSpec(corner, texels.cell_m, int(i1 - i0), int(j1 - j0))
-    cells = np.ix_(*_cells_under(seen, grid))
+    cells = np.ix_(
+        *(np.clip(k, 0, n - 1) for k, n in zip(grid.under(seen), grid.shape, strict=True))
+    )
     selected = region[cells]
     wanted = grow(selected, MARGIN_PX) & (selected | ~others[cells])
     face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
@@ -133,14 +135,3 @@ def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
     """Return texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid."""
     size = np.array([grid.columns, grid.rows]) * grid.cell_m
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)
-
-
-def _cells_under(texels: GridSpec, grid: GridSpec) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the row of `grid` under each row of texels, and likewise the columns; clamped."""
-    found = []
-    for axis, (count, limit) in enumerate(zip(texels.shape, grid.shape, strict=True)):
-        at = np.zeros((count, 2))
-        at[:, axis] = np.arange(count)
-        cell = grid.cell_of(texels.center_of(at))[:, axis]
-        found.append(np.clip(cell, 0, limit - 1))
-    return found[0], found[1]

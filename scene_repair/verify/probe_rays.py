@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from ...formats.rays.packets import PacketScene
 from ...formats.scene.grid import GridSpec
 from .exported import Surface
 
@@ -61,8 +60,7 @@ def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]
     height = np.full(probes.shape, np.nan, dtype=np.float32)
     added = np.zeros(probes.shape, dtype=bool)
     if len(surface.triangles_m):
-        scene = EmbreeScene()
-        TriangleMesh(scene, np.ascontiguousarray(surface.triangles_m, dtype=np.float32))
+        scene = PacketScene.of_corners(surface.triangles_m)
         rows = max(CHUNK // probes.columns, 1)
         for start in range(0, probes.rows, rows):
             part = slice(start, min(start + rows, probes.rows))
@@ -71,7 +69,7 @@ def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]
 
 
 def _shoot(
-    scene: EmbreeScene,
+    scene: PacketScene,
     surface: Surface,
     probes: GridSpec,
     part: slice,
@@ -89,13 +87,16 @@ def _shoot(
     for shift in _SHIFTS_M:
         z = expected[left] + START_M
         origin = np.column_stack([xy[left] + shift, z]).astype(np.float32)
-        down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(left), 1))
-        hit = scene.run(origin, down, output=1)
-        at = z - hit["tfar"].astype(np.float64)
-        good = (hit["primID"] >= 0) & (at >= expected[left] - TOLERANCE_M)
+        hit = scene.trace(
+            origins=origin,
+            directions=np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(left), 1)),
+            far=np.full(len(left), np.inf, dtype=np.float32),
+        )
+        at = z - hit.depth.astype(np.float64)
+        good = (hit.prim >= 0) & (at >= expected[left] - TOLERANCE_M)
         selected = left[good]
         height[i[selected], j[selected]] = at[good]
-        added[i[selected], j[selected]] = surface.added[hit["primID"][good]]
+        added[i[selected], j[selected]] = surface.added[hit.prim[good]]
         left = left[~good]
         if not len(left):
             return

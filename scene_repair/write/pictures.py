@@ -6,10 +6,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from ...formats.rays.packets import PacketScene
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ..floor.holes import Hole
@@ -50,11 +49,12 @@ def view_from_above(
     Returns:
         The picture without the patches (what lies under them shows), and with them.
     """
-    scene = EmbreeScene()
-    TriangleMesh(scene, mesh.vertices[mesh.faces].astype(np.float32))
-    i, j = np.indices(pixels.shape)
-    xy = pixels.center_of(np.stack([i, j], axis=-1)).reshape(-1, 2)
-    origin = np.column_stack([xy, np.full(len(xy), floor_z_m + CUT_M)]).astype(np.float32)
+    scene = PacketScene(mesh.vertices, mesh.faces)
+    origin = np.empty((*pixels.shape, 3), dtype=np.float32)
+    origin[..., 0] = pixels.center_of([(0, j) for j in range(pixels.columns)])[:, 0]
+    origin[..., 1] = pixels.center_of([(i, 0) for i in range(pixels.rows)])[:, 1, None]
+    origin[..., 2] = floor_z_m + CUT_M
+    origin = origin.reshape(-1, 3)
     after, height = _shoot(scene, mesh, looks, floor_z_m, origin)
     before, height_before = after.copy(), height.copy()
     through = np.flatnonzero(height[:, 1] >= first_patch)
@@ -73,7 +73,7 @@ def view_from_above(
 
 
 def _shoot(
-    scene: EmbreeScene,
+    scene: PacketScene,
     mesh: WorldMesh,
     looks: MaterialSampler,
     floor_z_m: float,
@@ -85,14 +85,17 @@ def _shoot(
     found[:, 0] = np.nan
     if not len(origin):
         return image, found
-    down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(origin), 1))
-    hit = scene.run(origin, down, output=1)
-    seen = hit["primID"] >= 0
-    face = hit["primID"][seen].astype(np.int64)
-    u, v = hit["u"][seen], hit["v"][seen]
+    hit = scene.trace(
+        origins=origin,
+        directions=np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(origin), 1)),
+        far=np.full(len(origin), np.inf, dtype=np.float32),
+    )
+    seen = hit.prim >= 0
+    face = hit.prim[seen].astype(np.int64)
+    u, v = hit.u[seen], hit.v[seen]
     weights = np.stack([1 - u - v, u, v], axis=1)
     uv = np.einsum("nk,nkd->nd", weights, mesh.corner_uv[face])
-    height = origin[seen, 2] - hit["tfar"][seen]
+    height = origin[seen, 2] - hit.depth[seen]
     # Soft light from the upper left, and what stands higher is a little brighter.
     normal = mesh.normals.astype(np.float32)[face]
     normal = normal * np.where(normal[:, 2:3] < 0, np.float32(-1), np.float32(1))
@@ -126,10 +129,9 @@ def mark_holes(
     for hole in holes:
         if hole.fill or hole.cause not in ("wall", "outside"):
             number[hole.window][hole.cells] = 1 if hole.fill else 2
-    i, j = np.indices(pixels.shape)
-    cell = fine.cell_of(pixels.center_of(np.stack([i, j], axis=-1)))
-    cell = np.clip(cell, 0, np.array(fine.shape) - 1)
-    kind = number[cell[..., 0], cell[..., 1]]
+    under = zip(fine.under(pixels), fine.shape, strict=True)
+    kind = number[np.ix_(*(np.clip(cell, 0, n - 1) for cell, n in under))]
+    i, j = np.ogrid[: pixels.rows, : pixels.columns]
     hatch = ((i + j) // 5) % 2 == 0
     result = image.copy()
     for value, color in ((1, RED if before else GREEN), (2, GREY)):

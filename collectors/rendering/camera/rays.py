@@ -70,26 +70,6 @@ def subpixel_directions(
     return out
 
 
-def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> NDArray[np.int32]:
-    """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
-
-    The rays of a tile are closest together, so that they make the best packets.
-
-    Args:
-        size_px: width and height of the image.
-        tile_px: columns and rows of a tile.
-    """
-    width, height = size_px
-    across, down = tile_px
-    rows = np.arange(-(-height // down) * down)
-    columns = np.arange(-(-width // across) * across)
-    index = np.where(
-        (rows[:, None] < height) & (columns < width), rows[:, None] * width + columns, -1
-    )
-    tiles = index.reshape(len(rows) // down, down, len(columns) // across, across)
-    return np.ascontiguousarray(tiles.swapaxes(1, 2)).ravel().astype(np.int32)
-
-
 def list_order(count: int, *, lanes: int) -> NDArray[np.int32]:
     """Return rays 0 … count − 1 in order, padded to whole packets of `lanes` rays with −1."""
     order = np.full(-(-count // lanes) * lanes, -1, dtype=np.int32)

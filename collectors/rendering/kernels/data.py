@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.rays.library import lanes
+from ....formats.rays.packets import PacketScene, packet
 from ..light.cube_grid import CubeGrid
 from ..scene.textures import TexturePack
-from .embree_library import lanes
-from .packets import PacketScene, packet
 
 F32 = NDArray[np.float32]
 

@@ -5,8 +5,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ....formats.core.kernel import kernel
+from ....formats.rays.packets import PacketHits
 from .data import F32, FAST, UNCOUNTED, LightArrays
-from .packets import PacketHits
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 
 f32 = np.float32

@@ -10,9 +10,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from ....formats.core.kernel import kernel
+from ....formats.rays.library import call_intersect, call_occluded
+from ....formats.rays.packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
 from .data import F32, FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays
-from .embree_library import call_intersect, call_occluded
-from .packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 from .texture_sampling import footprint, sample_texture
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.packets import PacketScene
+from ....formats.rays.packets import PacketScene
 from .cube_grid import AXES, CubeGrid, cell_centers, filled, inpainted
 
 f32 = np.float32

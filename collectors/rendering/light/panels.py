@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from ..kernels.packets import PacketScene
+from ....formats.rays.packets import PacketScene
 from .cube_grid import AXES, CubeGrid, filled
 from .openness import Openness
 

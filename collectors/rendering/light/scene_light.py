@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.frames import quat_to_matrix
+from ....formats.rays.packets import PacketScene
 from ....formats.scene.bundle import SceneBundle, VisualMesh
 from ..kernels.data import LightArrays
-from ..kernels.packets import PacketScene
 from .cube_grid import CubeGrid, constant_grid, filled
 from .lights import Light
 from .openness import trace_openness

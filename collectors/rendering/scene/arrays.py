@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.geometry import triangle_areas
+from ....formats.rays.packets import aligned
 from ....formats.scene.bundle import VisualMesh
 from ..kernels.data import SceneArrays
-from ..kernels.packets import aligned
 from .textures import MaterialTable
 
 # A scan's atlas uses each texel at one place, so that its triangles cover the texture at most once;

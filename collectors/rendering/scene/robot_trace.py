@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.camera import CameraModel
+from ....formats.rays.packets import PacketHits, PacketScene
 from ..frame import RenderRequest
 from ..kernels.data import Hits, LightArrays
 from ..kernels.drawn import shade_robot
-from ..kernels.packets import PacketHits, PacketScene
 from ..light.contact_shadow import ContactShadow
 from .robot_body import GeomSurface, RobotGeometryPose, bounding_boxes
 

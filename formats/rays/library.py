@@ -17,7 +17,7 @@ import llvmlite.binding as llvm
 from numba import njit, types
 from numba.core.typing.templates import signature
 
-from ....formats.core.errors import VlnpeError
+from ..core.errors import VlnpeError
 
 _CALL = signature(types.void, types.uintp, types.uintp, types.uintp, types.uintp)
 intersect16: Any = types.ExternalFunction("rtcIntersect16", _CALL)

@@ -8,9 +8,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from ....formats.core.errors import VlnpeError
-from ....formats.core.kernel import kernel
-from .embree_library import call_intersect, call_occluded, device, lanes, library
+from ..core.errors import VlnpeError
+from ..core.kernel import kernel
+from .library import call_intersect, call_occluded, device, lanes, library
 
 F32 = NDArray[np.float32]
 I32 = NDArray[np.int32]
@@ -72,16 +72,30 @@ class PacketScene:
         library_.rtcAttachGeometry(self.handle, geometry)
         library_.rtcReleaseGeometry(geometry)
         library_.rtcCommitScene(self.handle)
-        self.arguments = np.zeros(16, dtype=np.int32)
-        self.arguments[:2] = _COHERENT, -1  # flags; all features; no callbacks
+        # Flags; all features; no callbacks.
+        self.arguments, self._scattered = np.zeros((2, 16), dtype=np.int32)
+        self.arguments[:2], self._scattered[:2] = (_COHERENT, -1), (0, -1)
 
-    def trace(self, *, origins: F32, directions: F32, far: F32) -> PacketHits:
-        """Return the first hits of N rays; neighbours in the list should run close together.
+    @classmethod
+    def of_corners(cls, corners: NDArray[np.floating]) -> "PacketScene":
+        """Build the ray structure of loose triangles (F, 3, 3) [m]."""
+        return cls(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+
+    def trace(
+        self,
+        *,
+        origins: NDArray[np.floating],
+        directions: NDArray[np.floating],
+        far: F32,
+        coherent: bool = True,
+    ) -> PacketHits:
+        """Return the first hits of N rays.
 
         Args:
             origins: (N, 3) [m].
             directions: (N, 3), any length.
             far: (N,) largest ray parameter; returned as depth where nothing is hit.
+            coherent: neighbours in the list run close together. It only changes the time taken.
         """
         count = len(directions)
         hits = PacketHits(
@@ -92,17 +106,43 @@ class PacketScene:
             np.zeros((count, 3), dtype=np.float32),
         )
         _trace(
-            self.handle, self.arguments, packet(), lanes(),
+            self.handle, self.arguments if coherent else self._scattered, packet(), lanes(),
             np.ascontiguousarray(origins, dtype=np.float32),
             np.ascontiguousarray(directions, dtype=np.float32), hits,
         )  # fmt: skip
         return hits
 
-    def occluded(self, *, origins: F32, directions: F32) -> NDArray[np.bool_]:
+    def occluded(
+        self, *, origins: NDArray[np.floating], directions: NDArray[np.floating]
+    ) -> NDArray[np.bool_]:
         """Return (N,) whether something lies between origin and origin + direction, (N, 3) [m]."""
         out = np.empty(len(directions), dtype=np.bool_)
-        _occluded(self.handle, self.arguments, packet(), lanes(), origins, directions, out)
+        _occluded(
+            self.handle, self.arguments, packet(), lanes(),
+            np.ascontiguousarray(origins, dtype=np.float32),
+            np.ascontiguousarray(directions, dtype=np.float32), out,
+        )  # fmt: skip
         return out
+
+
+def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> NDArray[np.int32]:
+    """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
+
+    The rays of a tile are closest together, so that they make the best packets.
+
+    Args:
+        size_px: width and height of the image.
+        tile_px: columns and rows of a tile.
+    """
+    width, height = size_px
+    across, down = tile_px
+    rows = np.arange(-(-height // down) * down)
+    columns = np.arange(-(-width // across) * across)
+    index = np.where(
+        (rows[:, None] < height) & (columns < width), rows[:, None] * width + columns, -1
+    )
+    tiles = index.reshape(len(rows) // down, down, len(columns) // across, across)
+    return np.ascontiguousarray(tiles.swapaxes(1, 2)).ravel().astype(np.int32)
 
 
 def packet() -> F32:

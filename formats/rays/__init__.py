@@ -1,0 +1,1 @@
+"""Rays through triangle meshes: Embree and its packets."""
