@@ -188,5 +188,20 @@ def _blend_cells(typingctx, cells, first, part, normal):
     return types.float32(types.uintp, cell, real, real), generate
 
 
+@intrinsic
+def _prefetch(typingctx, address):
+    """Bring the cache line at an address nearer."""
+
+    def generate(context, builder, signature_, arguments):
+        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(), I32, I32, I32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        pointer = builder.inttoptr(arguments[0], ir.PointerType())
+        builder.call(function, [pointer, I32(0), I32(3), I32(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.uintp), generate
+
+
+prefetch: Any = _prefetch
 filter_texels: Any = _filter_texels
 blend_cells: Any = _blend_cells
