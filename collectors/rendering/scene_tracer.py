@@ -87,6 +87,7 @@ class SceneTracer:
         request: RenderRequest,
         lighting: Lighting,
         footprint_px: float = 1.0,
+        known: tuple[I32, Hits] | None = None,
     ) -> Hits:
         """Trace rays from the eye and shade what they hit.
 
@@ -94,6 +95,8 @@ class SceneTracer:
             directions: (N, 3), world, of unit length along the optical axis.
             order: (P · lanes,) rays of each packet, −1 = an idle lane.
             footprint_px: side of each ray's footprint in the image [px].
+            known: the ray (N,) next to each ray, and what those rays hit. Where both hit the same
+                triangle, the colour is taken over.
         """
         count = len(directions)
         per_px = (footprint_px * request.rotation[:, :2] / request.camera.focal_px).T
@@ -103,10 +106,11 @@ class SceneTracer:
             np.empty(count, dtype=np.int32),
             np.empty(count, dtype=np.int32),
         )
+        near, seen = known or (np.empty(0, dtype=np.int32), hits)
         render_rays(
             order, directions, per_px.astype(np.float32), request.position.astype(np.float32),
             request.cut_above_m, self._packets, self.arrays, lighting.light, lighting.spheres,
-            lighting.reach, hits,
+            lighting.reach, near, seen, hits,
         )  # fmt: skip
         return hits
 
@@ -128,7 +132,7 @@ class SceneTracer:
 
         Args:
             rgb: (N, 3) the image.
-            hits: of the pixels' centres, nothing at depth 0.
+            hits: of the pixels' centres, nothing at depth 0; triangles −1 if they are not known.
             skip: (N,) pixels to leave as they are.
             overlay: called with the pixels (K,), the directions (3 K, 3) and hits of their rays, to
                 put what is not part of the scene in front of it.
@@ -149,7 +153,8 @@ class SceneTracer:
             return
         directions = subpixel_directions(pixels, SUBPIXELS, request.rotation, focal, width, height)
         order = list_order(len(directions), lanes=self._packets.size)
-        samples = self.trace(directions, order, request, lighting, 0.5)
+        near = np.repeat(pixels, len(SUBPIXELS))
+        samples = self.trace(directions, order, request, lighting, 0.5, (near, hits))
         if overlay is not None:
             overlay(pixels, directions, samples)
         mixed = add_samples(samples.color, len(SUBPIXELS), pixels, hits.color)

@@ -30,11 +30,20 @@ def unit_rows(columns: Mapping[str, np.ndarray], features: Features) -> pa.Table
     for field in schema:
         values = columns[field.name]
         if pa.types.is_fixed_size_list(field.type):
-            flat = pa.array(np.ascontiguousarray(values).ravel(), field.type.value_type)
+            flat = _numbers(values, field.type.value_type)
             arrays.append(pa.FixedSizeListArray.from_arrays(flat, type=field.type))
         else:
-            arrays.append(pa.array(np.asarray(values).reshape(-1)).cast(field.type))
+            arrays.append(_numbers(values, field.type))
     return pa.Table.from_arrays(arrays, schema=schema)
+
+
+def _numbers(values: np.ndarray, kind: pa.DataType) -> pa.Array:
+    """Return numbers as an Arrow array (N,).
+
+    `pa.array` imports pandas wherever it is installed, which takes a worker 0.3 s.
+    """
+    flat = np.ascontiguousarray(values, dtype=kind.to_pandas_dtype()).ravel()
+    return pa.Array.from_buffers(kind, len(flat), [None, pa.py_buffer(flat)])
 
 
 def row_arrays(rows: pa.Table) -> dict[str, np.ndarray]:

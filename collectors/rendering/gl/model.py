@@ -148,11 +148,10 @@ def _pyramid(
     roots = np.arange(1024) / 1023.0
     tables = [np.round(255 * to_srgb(roots**2 * base)).astype(np.uint8) for base in base_linear]
     for level in range(pack.levels[texture]):
-        width, height = pack.size_px[texture, level]
-        texels = pack.texels[pack.offset[texture, level] :][: width * height]
+        texels = pack.level(texture, level)
         channels = [
             tables[k][(texels >> np.uint32(shift)) & np.uint32(1023)]
             for k, shift in enumerate((0, 10, 20))
         ]
-        levels.append(np.stack(channels, axis=-1).reshape(height, width, 3))
+        levels.append(np.stack(channels, axis=-1))
     return levels

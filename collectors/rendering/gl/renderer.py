@@ -98,7 +98,7 @@ class GlRenderer(Renderer):
         robot = state == ON_ROBOT
         beside = cv2.dilate(robot.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         surface = state.ravel().astype(np.int32)
-        centers = Hits(color, depth.ravel(), surface, surface)
+        centers = Hits(color, depth.ravel(), surface, np.full_like(surface, -1))
         self._scene.smooth_edges(flat, centers, request, lighting, skip=beside.ravel())
         return Drawn(rgb, depth, robot, None)
 

@@ -8,15 +8,16 @@ from ....formats.core.kernel import kernel
 from .data import UNCOUNTED
 
 F32 = NDArray[np.float32]
+U0, U1, U2 = np.uint64(0), np.uint64(1), np.uint64(2)  # indices that need no check for negatives
 
 
 @njit(inline="always")
-def _contrast(rgb: NDArray[np.uint8], i: int, j: int) -> np.int32:
-    biggest = np.int32(0)
-    for k in range(3):
-        # Bytes are unsigned: their bare difference would wrap around.
-        biggest = max(biggest, abs(np.int32(rgb[i, k]) - np.int32(rgb[j, k])))
-    return biggest
+def _contrast(rgb: NDArray[np.uint8], i: np.uint64, j: np.uint64) -> np.int32:
+    # Bytes are unsigned: their bare difference would wrap around.
+    red = abs(np.int32(rgb[i, U0]) - np.int32(rgb[j, U0]))
+    green = abs(np.int32(rgb[i, U1]) - np.int32(rgb[j, U1]))
+    blue = abs(np.int32(rgb[i, U2]) - np.int32(rgb[j, U2]))
+    return max(red, green, blue)
 
 
 @kernel(**UNCOUNTED)
@@ -47,12 +48,12 @@ def find_edges(
         marked: (N,) set to True at edges.
     """
     for direction in range(2):
-        step = 1 if direction == 0 else width
+        step = U1 if direction == 0 else np.uint64(width)
         columns = width - 1 if direction == 0 else width
         rows = height if direction == 0 else height - 1
         for row in range(rows):
             for column in range(columns):
-                i = row * width + column
+                i = np.uint64(row * width + column)
                 j = i + step
                 if _contrast(rgb, i, j) < min_contrast:
                     continue

@@ -1,8 +1,8 @@
 """The kernel that traces rays from the eye and shades the scene's surfaces that they hit.
 
-Each packet of rays passes through four steps: trace, shadow rays to the lamp, texture footprints,
-shading. Footprints apart from shading take less time than both at once, since the processor guesses
-the number of taps less often. Steps and helpers are inlined.
+Each packet of rays passes through five steps: trace, colours known already, shadow rays to the
+lamp, texture footprints, shading. Footprints apart from shading take less time than both at once,
+since the processor guesses the number of taps less often. Steps and helpers are inlined.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from ....formats.rays.library import call_intersect, call_occluded
 from ....formats.rays.packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
 from .data import F32, FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
-from .texture_sampling import footprint, sample_texture
+from .texture_sampling import footprint, prefetch_texels, sample_texture
 
 f32 = np.float32
 
@@ -31,6 +31,8 @@ def render_rays(
     light: LightArrays,
     spheres: F32,
     reach: F32,
+    near: NDArray[np.int32],
+    seen: Hits,
     hits: Hits,
 ):
     """Trace rays from the eye and shade the surfaces of the scene that they hit.
@@ -43,6 +45,9 @@ def render_rays(
         cut_above_m: rays start where they pass this world z.
         spheres: (S, 4) centre and radius [m] of the robot's spheres, which darken nearby surfaces.
         reach: (2, 3) bounds of what they darken [m].
+        near: (N,) the ray of `seen` next to each ray, or (0,).
+        seen: of rays traced before. A ray that hits the same triangle as that next to it gets its
+            colour, without being shaded.
         hits: of the N rays, written.
     """
     count, rays = packets.size, packets.rays
@@ -57,12 +62,14 @@ def render_rays(
             rays.ctypes.data,
             packets.arguments.ctypes.data,
         )
+        for k in range(count):
+            packets.known[k] = _seen_before(packets, k, order[first + k], near, seen)
         if lit_apart:
             _trace_lamp(packets, order, first, directions, eye, light.lamp)
         for k in range(count):
             i = order[first + k]
-            if i >= 0 and packets.bits[GEOM * count + k] != -1:
-                _find_footprint(packets, k, i, directions, pixel, scene)
+            if i >= 0 and packets.bits[GEOM * count + k] != -1 and packets.known[k] < 0:
+                _find_footprint(packets, k, i, directions, pixel, scene, texels)
         for k in range(count):
             i = order[first + k]
             if i < 0:
@@ -73,6 +80,10 @@ def render_rays(
                 hits.prim[i] = -1
                 dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
                 red, green, blue = background(dx, dy, dz, light.room)
+            elif packets.known[k] >= 0:
+                _locate(packets, k, i, scene, hits)
+                known = packets.known[k]
+                red, green, blue = seen.color[known, 0], seen.color[known, 1], seen.color[known, 2]
             else:
                 gain = f32(1.0)
                 if lit_apart and packets.shadow_rays[FAR * count + k] < f32(0.0):
@@ -116,13 +127,36 @@ def _normal_at(packets, k):
 
 
 @njit(inline="always", error_model="numpy")
+def _seen_before(packets, k, i, near, seen):
+    """Return the ray next to ray `i` in lane `k` if both hit the same triangle, else −1."""
+    if near.shape[0] > 0 and i >= 0:
+        known = near[i]
+        # A robot in front of the triangle has a surface below −1.
+        if seen.prim[known] == packets.bits[PRIM * packets.size + k] and seen.surface[known] >= 0:
+            return known
+    return np.int32(-1)
+
+
+@njit(inline="always", error_model="numpy")
+def _locate(packets, k, i, scene, hits):
+    """Write what the hit of ray `i` in lane `k` is to `hits`; return its depth and material."""
+    face = packets.bits[PRIM * packets.size + k]
+    material = np.int32(scene.face[np.uint64(face), 12])
+    t = packets.rays[FAR * packets.size + k] + packets.starts[k]
+    hits.depth[i] = t
+    hits.surface[i] = material
+    hits.prim[i] = face
+    return t, material
+
+
+@njit(inline="always", error_model="numpy")
 def _trace_lamp(packets, order, first, directions, eye, lamp):
     """Trace shadow rays from a packet's hits to the lamp; `FAR` of occluded ones becomes −inf."""
     shadow_rays, shadow_bits = packets.shadow_rays, packets.shadow_bits
     for k in range(packets.size):
         shadow_bits[VALID + k] = 0
         i = order[first + k]
-        if i < 0 or packets.bits[GEOM * packets.size + k] == -1:
+        if i < 0 or packets.bits[GEOM * packets.size + k] == -1 or packets.known[k] >= 0:
             continue
         nx, ny, nz = _normal_at(packets, k)
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
@@ -146,7 +180,7 @@ def _trace_lamp(packets, order, first, directions, eye, lamp):
 
 
 @njit(inline="always", error_model="numpy")
-def _find_footprint(packets, k, i, directions, pixel, scene):
+def _find_footprint(packets, k, i, directions, pixel, scene, texels):
     """Compute the texture footprint of the hit of ray `i` in lane `k`, if any.
 
     Args:
@@ -196,6 +230,7 @@ def _find_footprint(packets, k, i, directions, pixel, scene):
         packets.samples[k, 2] = lod
         packets.samples[k, 3] = step_u
         packets.samples[k, 4] = step_v
+        prefetch_texels(scene.pack, texels, texture, sample_u, sample_v, count, lod, step_u, step_v)
 
 
 @njit(inline="always", error_model="numpy")
@@ -214,12 +249,7 @@ def _shade(packets, k, i, directions, eye, scene, texels, light, gain, spheres, 
         hits: depth, surface and triangle of the ray are written.
     """
     dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-    face = packets.bits[PRIM * packets.size + k]
-    material = np.int32(scene.face[np.uint64(face), 12])
-    t = packets.rays[FAR * packets.size + k] + packets.starts[k]
-    hits.depth[i] = t
-    hits.surface[i] = material
-    hits.prim[i] = face
+    t, material = _locate(packets, k, i, scene, hits)
     nx, ny, nz = _normal_at(packets, k)
     square = nx * nx + ny * ny + nz * nz
     flip, cosine = viewer_side(nx, ny, nz, dx, dy, dz, f32(1e-30))

@@ -38,4 +38,5 @@ def encode_srgb(linear: F32, table: NDArray[np.uint8], out: NDArray[np.uint8]) -
     for i in range(linear.shape[0]):
         for k in range(3):
             x = min(max(linear[i, k], np.float32(0.0)), np.float32(1.0))
-            out[i, k] = table[np.int32(x * steps + np.float32(0.5))]
+            # Unsigned, so that it need not be checked for being negative.
+            out[i, k] = table[np.uint64(np.int32(x * steps + np.float32(0.5)))]

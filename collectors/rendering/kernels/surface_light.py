@@ -36,17 +36,15 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     gx = min(max(gx, f32(0.0)), f32(columns - 1))
     gy = min(max(gy, f32(0.0)), f32(rows - 1))
     gz = min(max(gz, f32(0.0)), f32(layers - 1))
-    x0 = np.int32(gx)
-    y0 = np.int32(gy)
-    z0 = np.int32(gz)
-    x1 = min(x0 + 1, columns - 1)
-    y1 = min(y0 + 1, rows - 1)
-    z1 = min(z0 + 1, layers - 1)
-    layer = columns * rows
+    x0 = min(np.int32(gx), np.int32(columns - 2))
+    y0 = min(np.int32(gy), np.int32(rows - 2))
+    z0 = min(np.int32(gz), np.int32(layers - 2))
+    columns = np.int32(columns)
+    layer = columns * np.int32(rows)
+    cell = x0 + y0 * columns + z0 * layer
     total = blend_cells(
         grid.cube.ctypes.data,
-        (np.int32(x0), np.int32(y0 * columns), np.int32(z0 * layer)),
-        (np.int32(x1), np.int32(y1 * columns), np.int32(z1 * layer)),
+        (cell, cell + columns, cell + layer, cell + columns + layer),
         (gx - f32(x0), gy - f32(y0), gz - f32(z0)),
         (nx, ny, nz),
     )

@@ -4,11 +4,15 @@ import numpy as np
 from numba import njit
 
 from ..scene.textures import TexturePack
-from .vectors import filter_texels
+from .vectors import filter_texels, prefetch
 
 f32 = np.float32
 
 MAX_TAPS = f32(6.0)
+# Between mip levels, and between their texels, filtering blurs by more than the footprint. Levels
+# finer by this come closest to the mean over the footprint (against 16 samples a pixel: 0.25 is
+# blurrier, and less like it).
+SHARPER = f32(0.5)
 EXPONENT_BIAS = np.int32(127 << 23)
 HALF_PER_OCTAVE = f32(0.5 / (1 << 23))
 U0, U1 = np.uint64(0), np.uint64(1)  # indices that need no check for negative ones
@@ -59,7 +63,7 @@ def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
         # log2 from the float's exponent and linearly between powers of two, as hardware does.
         bits = f32(max(short_square, long_square * per_tap * per_tap)).view(np.int32)
         lod = f32(bits - EXPONENT_BIAS) * HALF_PER_OCTAVE
-        lod = min(lod, f32(pack.levels[texture] - 1))
+        lod = max(f32(0.0), min(lod - SHARPER, f32(pack.levels[texture] - 1)))
     return taps, lod, step_u, step_v
 
 
@@ -100,3 +104,25 @@ def sample_texture(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, 
         share * PER_SQUARE,
         fraction,
     )  # fmt: skip
+
+
+@njit(inline="always", error_model="numpy")
+def prefetch_texels(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, step_v):
+    """Bring the texels of the first tap of `sample_texture` nearer."""
+    level = np.uint64(lod)
+    share = f32(0.5) - f32(0.5) / f32(taps)
+    u -= share * step_u
+    v -= share * step_v
+    u -= np.floor(u)
+    v -= np.floor(v)
+    for _ in range(2):
+        width = pack.size_px[texture, level, U0]
+        height = pack.size_px[texture, level, U1]
+        column = np.int32(max(u * f32(width) - f32(0.5), f32(0.0)))
+        row = np.int32(max((f32(1.0) - v) * f32(height) - f32(0.5), f32(0.0)))
+        first = np.int64(pack.offset[texture, level]) + row * (width + 1) + column
+        prefetch(np.uint64(texels + 4 * first))
+        prefetch(np.uint64(texels + 4 * (first + width + 1)))
+        if f32(level) == lod:
+            break
+        level += U1

@@ -54,23 +54,12 @@ class _Vectors:
         function = cgutils.get_or_insert_function(self.builder.module, kind, name)
         return self.builder.call(function, [a])
 
-    def gather(self, address: Any, words: Any) -> Any:
-        """Return the 32-bit words (8) with the given numbers after an address."""
+    def load(self, address: Any, index: Any, kind: Any, stride: int) -> Any:
+        """Return a value of a type at `address` + `stride` · `index` bytes, not aligned."""
         builder = self.builder
-        wide = builder.zext(words, ir.VectorType(I64, CORNERS))
-        bytes_ = builder.mul(wide, self.constant([4] * CORNERS, I64))
-        pointers_type = ir.VectorType(ir.PointerType(), CORNERS)
-        pointers = builder.inttoptr(
-            builder.add(self.of([address] * CORNERS), bytes_), pointers_type
-        )
-        word_type, mask_type = ir.VectorType(I32, CORNERS), ir.VectorType(ir.IntType(1), CORNERS)
-        kind = ir.FunctionType(word_type, [pointers_type, I32, mask_type, word_type])
-        name = "llvm.masked.gather.v8i32.v8p0"
-        function = cgutils.get_or_insert_function(builder.module, kind, name)
-        all_lanes = ir.Constant(mask_type, [1] * CORNERS)
-        return builder.call(
-            function, [pointers, I32(4), all_lanes, ir.Constant(word_type, ir.Undefined)]
-        )
+        offset = builder.mul(builder.zext(index, I64), I64(stride))
+        pointer = builder.inttoptr(builder.add(address, offset), ir.PointerType())
+        return builder.load(pointer, typ=kind, align=1)
 
     def bits(self, words: Any, shift: Any, mask: int) -> Any:
         """Return (words >> shift) & mask as floats."""
@@ -111,8 +100,7 @@ def _filter_texels(typingctx, texels, start, size, shift, step, taps, share, fra
         sizes = [builder.extract_value(size_, k) for k in range(4)]
         size4 = v.of(sizes)
         size4f = builder.sitofp(size4, ir.VectorType(F32, 4))
-        offset8 = v.of([starts[0]] * 4 + [starts[1]] * 4)
-        width8 = v.of([sizes[0]] * 4 + [sizes[2]] * 4)
+        rows = [builder.add(sizes[k], I32(1)) for k in (0, 2)]
         near = v.mul(v.sub(F32(1.0), fraction_), share_)
         far = v.mul(fraction_, share_)
         level8 = v.of([near] * 4 + [far] * 4)
@@ -122,7 +110,7 @@ def _filter_texels(typingctx, texels, start, size, shift, step, taps, share, fra
         sums = [cgutils.alloca_once(builder, ir.VectorType(F32, CORNERS)) for _ in range(3)]
         for one in sums:
             builder.store(v.constant([0.0] * CORNERS), one)
-        one4, zero4 = v.constant([1, 1, 1, 1], I32), v.constant([0, 0, 0, 0], I32)
+        zero4 = v.constant([0, 0, 0, 0], I32)
         with cgutils.for_range(builder, taps_):
             at = builder.load(coordinate, typ=step4.type)
             part = v.sub(at, v.floor(at))
@@ -133,14 +121,15 @@ def _filter_texels(typingctx, texels, start, size, shift, step, taps, share, fra
             f = v.sub(px, whole)
             g = v.sub(v.constant([1.0] * 4), f)
             low = builder.fptosi(whole, ir.VectorType(I32, 4))
-            high = builder.add(low, one4)
             before = builder.icmp_signed("<", low, zero4)
             low = builder.select(before, builder.add(low, size4), low)
-            beyond = builder.icmp_signed(">=", high, size4)
-            high = builder.select(beyond, builder.sub(high, size4), high)
-            rows = builder.mul(v.pick(low, high, _Y_OF_LEVELS), width8)
-            columns = v.pick(low, high, _X_OF_LEVELS)
-            words = v.gather(address, builder.add(builder.add(offset8, rows), columns))
+            pairs = []
+            for level, (first, row) in enumerate(zip(starts, rows, strict=True)):
+                x, y = (builder.extract_element(low, I32(2 * level + k)) for k in range(2))
+                upper = builder.add(builder.add(first, x), builder.mul(y, row))
+                pairs += [upper, builder.add(upper, row)]
+            pairs = [v.load(address, pair, I64, 4) for pair in pairs]
+            words = builder.bitcast(v.of(pairs), ir.VectorType(I32, CORNERS))
             weight = v.mul(v.pick(g, f, _X_OF_LEVELS), v.pick(g, f, _Y_OF_LEVELS))
             weight = v.mul(weight, level8)
             for channel, total in enumerate(sums):
@@ -160,47 +149,59 @@ def _filter_texels(typingctx, texels, start, size, shift, step, taps, share, fra
 
 
 @intrinsic
-def _blend_cells(typingctx, cells, low, high, part, normal):
+def _blend_cells(typingctx, cells, first, part, normal):
     """Return the sum of a grid's values around a point, as in `cube_at`.
 
     Args:
-        cells: address of the cells, each of six uint16: +x, −x, +y, −y, +z, −z.
-        low: (3,) first cell of the corners with x, y, z at the lower side: x, y · columns,
-            z · columns · rows.
-        high: (3,) the same at the upper side.
-        part: (3,) position between them.
+        cells: address of the cells, each of eight uint16: +x, −x, +y, −y, +z, −z, 0, 0.
+        first: (4,) cells of the corners with the lower x: lower y and z, upper y, upper z, both.
+        part: (3,) position between the corners.
         normal: (3,) unit normal.
     """
 
     def generate(context, builder, signature_, arguments):
         address, *rest = arguments
-        low_, high_, part_, normal_ = (
-            [builder.extract_value(one, k) for k in range(3)] for one in rest
-        )
         v = _Vectors(builder)
-        cell, weight = None, None
-        for axis in range(3):
-            upper = [bool(corner >> axis & 1) for corner in range(CORNERS)]
-            side = v.of([(high_ if up else low_)[axis] for up in upper])
-            rest_ = v.sub(F32(1.0), part_[axis])
-            share = v.of([part_[axis] if up else rest_ for up in upper])
-            cell = side if cell is None else builder.add(cell, side)
-            weight = share if weight is None else v.mul(weight, share)
-        word = builder.mul(cell, v.constant([3] * CORNERS, I32))
-        mean = None
-        for axis in range(3):
-            # The two directions of an axis are the halves of one word.
-            positive = builder.fcmp_ordered(">=", normal_[axis], F32(0.0))
-            half = builder.select(positive, I32(0), I32(16))
-            words = v.gather(address, builder.add(word, v.constant([axis] * CORNERS, I32)))
-            square = v.mul(normal_[axis], normal_[axis])
-            one = v.mul(v.bits(words, half, 0xFFFF), v.of([square] * CORNERS))
-            mean = one if mean is None else v.add(mean, one)
-        return v.total(v.mul(mean, weight))
+        (x, y, z), axes = ([builder.extract_value(one, k) for k in range(3)] for one in rest[1:])
+        one = F32(1.0)
+        sides = [[v.sub(one, y), y], [v.sub(one, z), z]]
+        pairs_type = ir.VectorType(ir.IntType(16), 2 * CORNERS)
+        total = None
+        for corner in range(4):
+            cell = builder.extract_value(rest[0], corner)
+            pair = v.load(address, cell, pairs_type, 2 * CORNERS)
+            pair = builder.uitofp(pair, ir.VectorType(F32, 2 * CORNERS))
+            weight = v.mul(sides[0][corner & 1], sides[1][corner >> 1])
+            pair = v.mul(pair, v.of([weight] * (2 * CORNERS)))
+            total = pair if total is None else v.add(total, pair)
+        low, high = (v.pick(total, total, [*range(k, k + CORNERS)]) for k in (0, CORNERS))
+        mean = v.add(v.mul(low, v.of([v.sub(one, x)] * 8)), v.mul(high, v.of([x] * 8)))
+        zero, squares = F32(0.0), []
+        for axis in axes:
+            square = v.mul(axis, axis)
+            positive = builder.fcmp_ordered(">=", axis, zero)
+            squares += [builder.select(positive, square, zero)]
+            squares += [builder.select(positive, zero, square)]
+        return v.total(v.mul(mean, v.of([*squares, zero, zero])))
 
-    cell, real = types.UniTuple(types.int32, 3), types.UniTuple(types.float32, 3)
-    return types.float32(types.uintp, cell, cell, real, real), generate
+    cell, real = types.UniTuple(types.int32, 4), types.UniTuple(types.float32, 3)
+    return types.float32(types.uintp, cell, real, real), generate
 
 
+@intrinsic
+def _prefetch(typingctx, address):
+    """Bring the cache line at an address nearer."""
+
+    def generate(context, builder, signature_, arguments):
+        kind = ir.FunctionType(ir.VoidType(), [ir.PointerType(), I32, I32, I32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        pointer = builder.inttoptr(arguments[0], ir.PointerType())
+        builder.call(function, [pointer, I32(0), I32(3), I32(1)])
+        return context.get_dummy_value()
+
+    return types.void(types.uintp), generate
+
+
+prefetch: Any = _prefetch
 filter_texels: Any = _filter_texels
 blend_cells: Any = _blend_cells

@@ -22,7 +22,8 @@ class CubeGrid(NamedTuple):
     """Values at the centres of cells, per axis direction.
 
     Attributes:
-        cube: (Z, Y, X, 6) uint16; directions +x, −x, +y, −y, +z, −z.
+        cube: (Z, Y, X, 8) uint16, at least 2 cells each way; directions +x, −x, +y, −y, +z, −z,
+            and two zeros, so that a cell is one load.
         lower_m: (3,) float32 centre of cell (0, 0, 0).
         per_m: cells per metre.
         scale: value of one step.
@@ -36,7 +37,7 @@ class CubeGrid(NamedTuple):
 
 def constant_grid(value: float) -> CubeGrid:
     """Return a grid with the same value everywhere."""
-    cube = np.full((1, 1, 1, 6), 65535, dtype=np.uint16)
+    cube = np.full((2, 2, 2, 8), 65535, dtype=np.uint16)
     return CubeGrid(cube, np.zeros(3, dtype=f32), f32(1.0), f32(value / 65535))
 
 
@@ -47,19 +48,20 @@ def cell_centers(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float32], Cu
     """
     lower, upper = vertices.min(0).astype(np.float64), vertices.max(0).astype(np.float64)
     cell = max(CELL_M, float((np.prod(upper - lower + CELL_M) / MAX_CELLS) ** (1 / 3)))
-    counts = np.maximum(np.ceil((upper - lower) / cell).astype(int), 1)
+    counts = np.maximum(np.ceil((upper - lower) / cell).astype(int), 2)
     first = 0.5 * (lower + upper) - 0.5 * (counts - 1) * cell
     x, y, z = (first[k] + cell * np.arange(counts[k]) for k in range(3))
     z, y, x = np.meshgrid(z, y, x, indexing="ij")
-    empty = np.zeros((*x.shape, 6), dtype=np.uint16)
+    empty = np.zeros((*x.shape, 8), dtype=np.uint16)
     grid = CubeGrid(empty, first.astype(f32), f32(1.0 / cell), f32(1.0))
     return np.stack([x, y, z], axis=-1).astype(f32), grid
 
 
 def filled(grid: CubeGrid, values: NDArray[np.floating], top: float) -> CubeGrid:
     """Return `grid` with values (Z, Y, X, 6) from 0 to `top`."""
-    steps = np.round(np.clip(values / top, 0.0, 1.0) * 65535.0).astype(np.uint16)
-    return grid._replace(cube=steps, scale=f32(top / 65535.0))
+    cube = np.zeros_like(grid.cube)
+    cube[..., :6] = np.round(np.clip(values / top, 0.0, 1.0) * 65535.0)
+    return grid._replace(cube=cube, scale=f32(top / 65535.0))
 
 
 def inpainted(values: NDArray[np.floating], *, trust: NDArray[np.floating]) -> NDArray[np.floating]:

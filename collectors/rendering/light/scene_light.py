@@ -59,5 +59,5 @@ def _grid(light: Light, bundle: SceneBundle, mesh: VisualMesh, scene: PacketScen
         return filled(openness.grid, around, max(light.around, 1e-6))
     floors: NDArray[np.float64] = np.asarray(bundle.level_floor_z_m, dtype=np.float64)
     panels = trace_panels(scene, openness, place_panels(scene, mesh.vertices, floors))
-    value = panels.cube * (panels.scale * np.float32(light.panels)) + around
+    value = panels.cube[..., :6] * (panels.scale * np.float32(light.panels)) + around
     return filled(openness.grid, value, float(value.max()))

@@ -86,9 +86,8 @@ def _is_flat(materials: MaterialTable) -> NDArray[np.bool_]:
     pack = materials.pack
     flat = np.zeros(max(len(pack.levels), 1), dtype=bool)
     for t in range(len(pack.levels)):
-        width, height = pack.size_px[t, 0]
-        stride = max(1, width * height // FLATNESS_SAMPLES)
-        texels = pack.texels[pack.offset[t, 0] :][: width * height : stride]
+        texels = pack.level(t, 0).ravel()
+        texels = texels[:: max(1, len(texels) // FLATNESS_SAMPLES)]
         roots = np.stack([(texels >> shift) & 1023 for shift in (0, 10, 20)])
         flat[t] = bool((roots.std(axis=-1) < 0.01 * 1023).all())
     return flat

@@ -28,9 +28,10 @@ class TexturePack(NamedTuple):
     Attributes:
         texels: (N,) uint32, row 0 = top of the image; 10 bits each of red (lowest), green and blue,
             the square root of linear light. It distinguishes all sRGB bytes, is decoded by one
-            multiplication and read in one access.
+            multiplication and read in one access. Each level has its first column and row again
+            at its end, so that a pixel and its right neighbour, also around the edge, are one load.
         offset: (T, MAX_LEVELS) int64 index into `texels` of each level.
-        size_px: (T, MAX_LEVELS, 2) int32 width and height of each level.
+        size_px: (T, MAX_LEVELS, 2) int32 width and height of each level, without what is repeated.
         levels: (T,) int32 number of levels.
     """
 
@@ -38,6 +39,12 @@ class TexturePack(NamedTuple):
     offset: NDArray[np.int64]
     size_px: NDArray[np.int32]
     levels: NDArray[np.int32]
+
+    def level(self, texture: int, level: int) -> NDArray[np.uint32]:
+        """Return a level's texels (H, W)."""
+        width, height = (int(side) for side in self.size_px[texture, level])
+        rows = self.texels[self.offset[texture, level] :][: (width + 1) * (height + 1)]
+        return rows.reshape(height + 1, width + 1)[:height, :width]
 
 
 @dataclass(frozen=True)
@@ -107,8 +114,8 @@ def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
         for level, mip in enumerate(mips):
             offset[level] = position
             size_px[level] = mip.shape[1], mip.shape[0]
-            chunks.append(mip.ravel())
-            position += mip.size
+            chunks.append(np.pad(mip, (0, 1), mode="wrap").ravel())
+            position += chunks[-1].size
         offsets.append(offset)
         sizes.append(size_px)
         levels.append(len(mips))
