@@ -25,6 +25,7 @@ from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.follower import World, follow
+from vlnpe.pipeline.engine.run_folder import RunFolder
 
 from .corpus import PARTS, measure, read_corpus
 from .diversity import table
@@ -37,7 +38,7 @@ def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
     for file in sorted(folder.glob("episodes/*.json.gz")):
         scene = file.name.removesuffix(".json.gz")
         bundle = load_bundle(folder / "scenes" / scene)
-        seen = folder / "facts" / f"{scene}.seen.json"
+        seen = RunFolder(folder).sights.seen(scene)
         sight = read_visibility(seen) if seen.is_file() else None
         levels: dict[int, tuple[LevelFacts, World]] = {}
         for episode in read_episodes(file):

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from ..facts.records import PathFacts
 from ..language.announced import readings
+from ..language.asides import with_asides
 from ..language.clauses import Parse
 from ..language.ending import last_stop
 from ..language.parse import parse
@@ -49,7 +50,9 @@ def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
     problems = form_problems(read)
     if problems:
         return Verdict(tuple(problems), _spans(read, []))
-    verdicts = [_verdict(reading, ground) for reading in readings(read)]
+    meant = readings(read)
+    meant += [other for one in meant if (other := with_asides(one)) is not None]
+    verdicts = [_verdict(reading, ground) for reading in meant]
     return min(verdicts, key=lambda verdict: verdict[0])[1]
 
 

@@ -273,7 +273,6 @@ class Things:
 
     def _ordinal(self, chosen: list[int], noun: Noun) -> Mask:
         """Return which of the chosen things have that ordinal, from the start or in their room."""
-        marks = [self.facts.landmarks[n] for n in chosen]
         beside = [n for n in chosen if self._is_beside(n)]
         if noun.kind == "door" and noun.side:
             # Where it is passed; the door that one goes through may be said to be on either side.
@@ -282,10 +281,17 @@ class Things:
             beside = [
                 n for n, m, t in zip(beside, here, through, strict=True) if t or m.side == noun.side
             ]
-        elif noun.side:
-            sided = self._sided(beside, noun.side) & self._near(PASS_M)[beside]
-            beside = [n for k, n in enumerate(beside) if sided[k].any()]
         beside.sort(key=lambda n: self.facts.landmarks[n].along_m)
+        right = self._in_place(beside, noun)
+        if noun.kind != "door" and noun.side:
+            # "The second table on your left" may be the second of all, or of those on the left.
+            sided = self._sided(beside, noun.side) & self._near(PASS_M)[beside]
+            there = [n for n, row in zip(beside, sided, strict=True) if row.any()]
+            right |= self._in_place(there, noun)
+        return np.array([n in right for n in chosen], dtype=bool)
+
+    def _in_place(self, beside: list[int], noun: Noun) -> set[int]:
+        """Return which of some things, in the order of the path, have the ordinal of a phrase."""
         right = set(beside[noun.ordinal - 1 : noun.ordinal])
         for visit in self.facts.visits:
             inside = [
@@ -303,7 +309,7 @@ class Things:
             ]
             if noun.kind == "door":
                 right |= set(onward[noun.ordinal - 1 : noun.ordinal])
-        return np.array([n in right for n, _ in zip(chosen, marks, strict=True)], dtype=bool)
+        return right
 
     def _counted(self, chosen: list[int], number: int) -> Mask:
         """Return where as many things are around as said; several, where no number is."""

@@ -1,11 +1,12 @@
 """Write several texts for one path, each of them checked."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..checker import Ground, check_text
+from ..facts.records import PathFacts
 from .realize import realize
 from .steps import plan
 
@@ -51,22 +52,32 @@ def compose_texts(
     result: list[Composed] = []
     problems: list[str] = []
     for number in range(count):
-        style = styles[number % len(styles)]
+        style, facts = styles[number % len(styles)], ground.facts
+        refused: set[str] = set()
         for attempt in range(1, ATTEMPTS + 1):
-            # A path with few landmarks yields little text: any style will do then.
+            # A path with few landmarks yields little text: any style will do then. And where things
+            # are numbered otherwise than the checker counts them, they are left unsaid.
             if attempt > ATTEMPTS // 2:
                 style = STYLES[attempt % len(STYLES)]
-            steps = plan(ground.facts, style, rng)
+                facts = _unnamed(facts, refused)
+            steps = plan(facts, style, rng)
             text, skeletons = realize(steps, rng, style)
             if text in taken or any(_alike(text, other.text) for other in result):
                 continue
             verdict = check_text(text, ground)
+            marks = [r.name for s in steps for r in (s.mark, s.other) if r is not None]
             if verdict.ok:
-                marks = [r.name for s in steps for r in (s.mark, s.other) if r is not None]
                 result.append(Composed(text, style, tuple(skeletons), tuple(marks), attempt))
                 break
             problems = list(verdict.problems)
+            refused.update(marks)
     return result, ([] if result else problems)
+
+
+def _unnamed(facts: PathFacts, names: Collection[str]) -> PathFacts:
+    """Return the facts with some things, by name, that no text speaks of."""
+    marks = (replace(m, nameable=False) if m.name in names else m for m in facts.landmarks)
+    return replace(facts, landmarks=tuple(marks))
 
 
 def _alike(text: str, other: str) -> bool:

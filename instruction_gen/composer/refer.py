@@ -51,7 +51,7 @@ def passing_candidates(
         # What one sees through a door is not passed.
         room = next((v.room for v in facts.visits if mark.along_m <= v.to_m), "")
         here = not mark.room or mark.room == room
-        if not (mark.nameable and beside and here and _turned_aside(mark)):
+        if not (mark.nameable and beside and here and came_by(mark)):
             continue
         reference = _refer(mark, facts, rng, colours, mark.distance_m, mark.side)
         if reference is not None:
@@ -147,8 +147,11 @@ def _noticed(mark: LandmarkFact) -> bool:
     return mark.distance_m <= 3.5 and (mark.max_pixels > 60 or mark.first_seen_m < 0)
 
 
-def _turned_aside(mark: LandmarkFact) -> bool:
-    """Return whether it is clearly beside the walker somewhere close by."""
+def came_by(mark: LandmarkFact) -> bool:
+    """Return whether a thing is clearly beside the walker somewhere close by.
+
+    What only lies behind at the start is not.
+    """
     return any(
         m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
         for m in mark.moments

@@ -7,6 +7,7 @@ from .lexicon import NUMBERS, UNITS_M
 STEPS = frozenset(("step", "steps"))
 _VAGUE = frozenset("few couple little short some several".split())
 _VAGUE_AMOUNT = 2.5
+_BEFORE_UNIT = frozenset("or to further - more small little short big long quick good".split())
 
 
 def read_distance(words: Sequence[str]) -> tuple[float, bool, int] | None:
@@ -25,7 +26,7 @@ def read_distance(words: Sequence[str]) -> tuple[float, bool, int] | None:
         k += 1
         if k + 2 < len(words) and words[k] == "and" and words[k + 1] in ("a", "half"):
             amount, k = amount + 0.5, k + (3 if words[k + 1] == "a" else 2)
-        while k < len(words) and words[k] in ("or", "more", "to", "further", "-", *NUMBERS):
+        while k < len(words) and (words[k] in _BEFORE_UNIT or words[k] in NUMBERS):
             k += 1
     elif words[0] in ("a", "one", "another") and k < len(words) and words[k] in UNITS_M:
         amount = 1.0

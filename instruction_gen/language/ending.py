@@ -9,6 +9,7 @@ from .clauses import Clause, Noun, Parse
 STATIC = frozenset(("near", "at", "before", "between", "in"))
 STAYING = STATIC | {"with", "after", "past"}
 _TO = re.compile(r"\b(?:to|as far as)\s+(?:the|a|an|your)\b[^,.;]*$", re.IGNORECASE)
+_SAYING = re.compile(r"\s*,\s*(?!you\b)\w")
 _UNTIL = re.compile(r"\s*,?\s*(?:until|till)\b", re.IGNORECASE)
 
 
@@ -103,6 +104,8 @@ def _arrives(last: Clause, before: Clause, parse: Parse) -> bool:
     if not last.until or not last.nouns:
         return False
     bound = bool(_UNTIL.match(parse.text[last.start :]))
+    # "Where there is a mirror on your right, …": whatever is said then, it is not where to go on.
+    bound = bound or (last is parse.clauses[-1] and bool(_SAYING.match(parse.text, last.stop)))
     if not bound and (before.verb in ("turn", "see", "") or before.side):
         return False
     arrives = last.verb in ("", "pass", "reach", "enter")

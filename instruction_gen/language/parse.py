@@ -33,6 +33,7 @@ from .side_reader import SideReader
 # What a distance is counted from, where it does not say how far to walk.
 _FROM_THERE = frozenset("before short from away past beyond after off shy".split())
 _BORDERS = frozenset("end ends begins starts".split())
+_FINISHES = frozenset("finish finishes finished end ends stops".split())
 _INSIDE = frozenset("into inside in".split())
 _PLACED = frozenset("is are will on ahead in off behind further".split())
 _ANGLES = frozenset("thirty forty forty-five sixty ninety".split())
@@ -191,6 +192,8 @@ class _Reader(SideReader):
         named = bool(self.draft.nouns) and self.draft.nouns[-1].stop == self.k
         if (word in _BORDERS and named) or (word in NOUNLIKE and self._next("of")):
             return False  # "after the rug ends", "at the end of the hallway"
+        if self.draft.until and word in _FINISHES and (named or before in ("it", "is")):
+            return False  # "when the table is finished", "until it finishes"
         if before in DETERMINERS or before in ("of", "next", "first", "second"):
             # "the end of", "your left turn", "a sharp turn": nouns here.
             if word in ("turn", "bend", "curve") and self.draft.side:

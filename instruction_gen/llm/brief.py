@@ -7,6 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import Any
 
+from ..composer.refer import came_by
 from ..facts.records import LandmarkFact, PathFacts
 from ..language.nouns import spoken
 
@@ -72,7 +73,10 @@ def brief(facts: PathFacts) -> dict[str, Any]:
         "passed": [
             {"after_m": round(m.along_m, 1), "side": m.side, "distance_m": m.distance_m} | _thing(m)
             for m in marks
-            if m.distance_m <= _PASSED_M and m.side and m.along_m < facts.length_m - 0.6
+            if m.distance_m <= _PASSED_M
+            and m.side
+            and m.along_m < facts.length_m - 0.6
+            and came_by(m)
         ],
         "at_the_end": [
             {"where": _where(m.goal_bearing_deg), "distance_m": m.goal_distance_m} | _thing(m)

@@ -39,7 +39,7 @@ class Review:
         scenes: Path,
         decisions: Path,
         films: dict[str, Path] | None = None,
-        seen: dict[str, Visibility] | None = None,
+        seen: Visibility | None = None,
         named: Mapping[str, Named] | None = None,
     ):
         """Review the episodes that have texts; one path's episodes are shown once, as one.
@@ -49,7 +49,7 @@ class Review:
             scenes: folder of repaired scenes.
             decisions: append-only file.
             films: ego film (MP4) of a path, by trajectory id.
-            seen: what the robot's camera sees along the paths, by scene.
+            seen: what the robot's camera sees along the paths.
             named: things and rooms, by scene, where a scan has no labels.
         """
         instructed = group_by_path(e for e in episodes if e.instruction)
@@ -57,7 +57,7 @@ class Review:
         self.paths = dict(reversed(self.paths.items()))
         self.file = DecisionFile(decisions)
         self.films = films or {}
-        self._seen = seen or {}
+        self._seen = seen
         self._levels = Levels(scenes, named)
         self._grounds: dict[str, Ground] = {}
 
@@ -70,8 +70,8 @@ class Review:
         """Return the facts of a path."""
         if name not in self._grounds:
             episode = self.paths[name]
-            sight = self._seen.get(scene_stem(episode.scene_id))
-            self._grounds[name] = Ground(path_facts(episode, self._levels.of(episode), sight))
+            level = self._levels.of(episode)
+            self._grounds[name] = Ground(path_facts(episode, level, self._seen))
         return self._grounds[name]
 
     def path(self, name: str, annotator: str) -> dict[str, Any]:

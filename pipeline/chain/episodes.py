@@ -17,7 +17,6 @@ from ..engine.ledger import Row
 from ..engine.runner import StageSummary, WorkItem
 from ..inputs.builtin import BuiltIn
 from ..jobs.instructions.instruct import CACHE, InstructJob
-from ..jobs.instructions.name_things import NameThingsJob
 from ..stages import align, episodes, instruct, repair, sight
 from .run import Run
 
@@ -138,16 +137,14 @@ def _instructed(
 ) -> list[Episode]:
     folder, ledger, config = run.folder, run.context.ledger, wording.config
     rows = source.good()
-    items = [
-        sight.item(row, folder.scenes, parts[s], folder.seen(s), wording.robot, config.replace)
-        for s, row in rows.items()
-    ]
+    looking = sight.Sight(folder.scenes, folder.sights, wording.robot, config.replace)
+    items = [looking.look(row, parts[s]) for s, row in rows.items()]
     seen = run.stage(sight.STAGE, items).good()
     named: dict[str, Row] = {}  # by item, of the scenes that a model was asked about
     if wording.vision is None:
         _forget_named(run, map(align.scene_of_part, seen))
     else:
-        made = _named(run, wording.vision, wording, {s: rows[s] for s in seen}, parts)
+        made = _named(run, wording.vision, looking, {s: rows[s] for s in seen}, parts)
         seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in made}
         named = {s: row for s in seen if sight.was_asked(row := made[align.scene_of_part(s)])}
     instructed = {s: folder.episodes(f"told/{s}") for s in seen}
@@ -157,13 +154,13 @@ def _instructed(
             InstructJob(
                 scenes=folder.scenes,
                 episodes=parts[s],
-                seen=(folder.seen(s),),
+                seen=(folder.sights.seen(s),),
                 out=instructed[s],
                 facts=folder.facts(s),
                 cache=folder.root / CACHE,
                 config=config,
                 seed=run.seed,
-                named=(folder.named(align.scene_of_part(s)),) if s in named else (),
+                named=(folder.sights.named(align.scene_of_part(s)),) if s in named else (),
                 vision_model=wording.vision.model if wording.vision else "",
             ),
             rows[s].key,
@@ -185,27 +182,19 @@ def _instructed(
 def _named(
     run: Run,
     model: LlmSettings,
-    wording: Wording,
+    looking: sight.Sight,
     rows: Mapping[str, Row],
     parts: Mapping[str, Path],
 ) -> dict[str, Row]:
     """Have a model name things and rooms along all paths of each scene; return rows by scene."""
-    folder = run.folder
+    cache = run.folder.root / CACHE
     by_scene: dict[str, list[str]] = {}
     for s in rows:
         by_scene.setdefault(align.scene_of_part(s), []).append(s)
-    items = []
-    for scene, here in by_scene.items():
-        job = NameThingsJob(
-            scene=folder.scenes / scene,
-            episodes=tuple(parts[s] for s in here),
-            settings=model,
-            robot=wording.robot,
-            every=wording.config.replace,
-            cache=folder.root / CACHE,
-            out=folder.named(scene),
-        )
-        items.append(sight.name_item(scene, job, *(rows[s].key for s in here)))
+    items = [
+        looking.name(scene, [parts[s] for s in here], model, cache, *(rows[s].key for s in here))
+        for scene, here in by_scene.items()
+    ]
     named = run.stage(sight.NAME_STAGE, items, required=True).good()
     sys.stderr.writelines(sight.naming_report(named.values()))
     return named
@@ -215,4 +204,4 @@ def _forget_named(run: Run, scenes: Iterable[str]) -> None:
     """Delete what an earlier run had named: `vlnpe review` judges texts by what is there."""
     run.unselect(sight.NAME_STAGE)
     for scene in scenes:
-        run.folder.named(scene).unlink(missing_ok=True)
+        run.folder.sights.named(scene).unlink(missing_ok=True)

@@ -9,18 +9,17 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
-from ...instruction_gen.facts.named import SUFFIX
 from ...instruction_gen.instruct import Levels
 from ...instruction_gen.llm.settings import LlmSettings, settings_from
 from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
 from ..engine.context import open_single, run_output
 from ..engine.ledger import Row
-from ..engine.runner import Context, StageSummary, run_stage
+from ..engine.runner import run_stage
+from ..engine.sight_files import SightFiles
 from ..engine.work import digest
 from ..inputs.episodes import episode_files, scenes_of
 from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
-from ..jobs.instructions.name_things import NameThingsJob
 from ..options.instructions import Instruct
 from ..options.shared import Wording
 from ..stages import instruct, repair, sight
@@ -53,6 +52,8 @@ def run(options: Instruct) -> int:
     camera = "aliengo" if options.robot == "none" else options.robot
     with open_single(out, options.workers) as context:
         root = context.ledger.root
+        files = SightFiles(root)
+        looking = sight.Sight(scenes, files, camera, config.replace)
         for scene, episodes in by_scene.items():
             write_episodes(_part(root, scene), episodes)
         keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
@@ -60,25 +61,21 @@ def run(options: Instruct) -> int:
         made_before: list[Row] = []
         seen: tuple[Path, ...] = ()
         if options.robot != "none" and by_scene:
-            looked = _look(context, by_scene, rows, scenes, options.robot, config.replace)
+            items = [
+                looking.look(
+                    Row("episodes", scene, digest(rows[scene].key, episodes), "done"),
+                    _part(root, scene),
+                )
+                for scene, episodes in by_scene.items()
+            ]
+            looked = run_stage(context, sight.STAGE, items, required=True)
             made_before += looked.rows
-            seen = tuple(_seen(root, scene) for scene in looked.good())
+            seen = tuple(files.seen(scene) for scene in looked.good())
         naming: Mapping[str, Row] = {}
         if vision is not None and by_scene:
             items = [
-                sight.name_item(
-                    scene,
-                    NameThingsJob(
-                        scene=scenes / scene,
-                        episodes=(_part(root, scene),),
-                        settings=vision,
-                        robot=camera,
-                        every=config.replace,
-                        cache=cache,
-                        out=_named(root, scene),
-                    ),
-                    rows[scene].key,
-                    digest(episodes),
+                looking.name(
+                    scene, [_part(root, scene)], vision, cache, rows[scene].key, digest(episodes)
                 )
                 for scene, episodes in by_scene.items()
             ]
@@ -93,8 +90,8 @@ def run(options: Instruct) -> int:
             for episode in by_scene[row.item]
         }
         write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
-        named = tuple(_named(root, scene) for scene in naming)
-        _forget(root, {*seen, *named})
+        named = tuple(files.named(scene) for scene in naming)
+        _forget(files, {*seen, *named})
         job = InstructJob(
             scenes=scenes,
             episodes=root / EPISODES,
@@ -128,39 +125,14 @@ def run(options: Instruct) -> int:
     return int(len(failed) > options.max_failed)
 
 
-def _look(
-    context: Context,
-    by_scene: Mapping[str, list[Episode]],
-    rows: Mapping[str, Row],
-    scenes: Path,
-    robot: str,
-    every: bool,
-) -> StageSummary:
-    """Look along the paths of each scene with the camera of `robot`; one item per scene."""
-    root, items = context.ledger.root, []
-    for scene, episodes in by_scene.items():
-        source = Row("episodes", scene, digest(rows[scene].key, episodes), "done")
-        files = (_part(root, scene), _seen(root, scene))
-        items.append(sight.item(source, scenes, *files, robot, every))
-    return run_stage(context, sight.STAGE, items, required=True)
-
-
-def _forget(root: Path, used: Set[Path]) -> None:
+def _forget(files: SightFiles, used: Set[Path]) -> None:
     """Delete what earlier runs saw and named: `vlnpe review` judges texts by what is there."""
-    for path in {*root.glob("*.seen.json"), *root.glob(f"*{SUFFIX}")} - used:
+    for path in {*files.all_seen(), *files.all_named()} - used:
         path.unlink(missing_ok=True)
 
 
 def _part(root: Path, scene: str) -> Path:
     return root / f"{scene}.json.gz"
-
-
-def _seen(root: Path, scene: str) -> Path:
-    return root / f"{scene}.seen.json"
-
-
-def _named(root: Path, scene: str) -> Path:
-    return root / f"{scene}{SUFFIX}"
 
 
 def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:

@@ -5,12 +5,14 @@ import webbrowser
 
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
-from ...formats.scene.visibility import read_visibility
 from ...formats.vlnce.files import read_episodes
-from ...instruction_gen.facts.named import SUFFIX, read_named
+from ...instruction_gen.facts.named import read_named
 from ...instruction_gen.review.server import Review, make_server
 from ..engine.context import LEDGERS
+from ..engine.run_folder import RunFolder
+from ..engine.sight_files import SightFiles
 from ..inputs.episodes import scenes_of
+from ..jobs.instructions.instruct import read_sights
 from ..jobs.reviewed import REVIEW_NAME
 from ..options.instructions import Review as ReviewOptions
 
@@ -46,12 +48,12 @@ def opened(options: ReviewOptions) -> Review:
     if source.is_dir():
         files = sorted((source / "episodes" / "told").glob("*.json.gz"))
         scenes, folder = options.scenes or source / "scenes", source
-        records = source / "facts"
+        records = RunFolder(source).sights
     else:
         files, folder = [source], source.parent
         scenes = scenes_of(source, options.scenes)
         whole = source.resolve()
-        records = whole.parent / LEDGERS / whole.name
+        records = SightFiles(whole.parent / LEDGERS / whole.name)
     if not files:
         raise InputError(
             f"{source}: contains no episodes with instructions; run `{program()} collect` first"
@@ -63,9 +65,7 @@ def opened(options: ReviewOptions) -> Review:
         for film in sorted(folder.glob(f"frames/*/*/ego-*/{episode.episode_id}/rgb.mp4"))[:1]
     }
     decisions = options.decisions or folder / REVIEW_NAME
-    seen = {
-        path.name.removesuffix(".seen.json"): read_visibility(path)
-        for path in sorted(records.glob("*.seen.json"))
-    }
-    named = read_named(sorted(records.glob(f"*{SUFFIX}")))
+    # By path, not by file: with several episode files each has a record of its own in a scene.
+    seen = read_sights(records.all_seen())
+    named = read_named(records.all_named())
     return Review(episodes, scenes, decisions, films, seen, named)

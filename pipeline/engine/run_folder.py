@@ -12,6 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ...formats.core.errors import InputError
+from .sight_files import SightFiles
 
 MINIMUM_FREE_BYTES = 256 * 1024**2
 
@@ -77,13 +78,10 @@ class RunFolder:
         """Return an episode file."""
         return self.root / "episodes" / f"{name}.json.gz"
 
-    def seen(self, scene: str) -> Path:
-        """Return what the robot's camera sees along the paths of a scene."""
-        return self.root / "facts" / f"{scene}.seen.json"
-
-    def named(self, scene: str) -> Path:
-        """Return what a vision-language model names in a scene without labels."""
-        return self.root / "facts" / f"{scene}.named.json"
+    @property
+    def sights(self) -> SightFiles:
+        """What is seen along the paths, and named in scenes without labels."""
+        return SightFiles(self.root / "facts")
 
     def facts(self, scene: str) -> Path:
         """Return the facts records of the paths of a scene."""

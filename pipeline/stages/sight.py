@@ -3,13 +3,16 @@
 The robot's own camera sees it; in scenes without labels a vision-language model says what it is.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ...collectors.robots import get_robot
 from ...instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
+from ...instruction_gen.llm.settings import LlmSettings
 from ..engine.ledger import Row
+from ..engine.sight_files import SightFiles
 from ..engine.work import WorkItem, work_item
 from ..jobs.instructions.name_things import NameThingsJob
 from ..jobs.instructions.visibility import LookJob
@@ -19,30 +22,56 @@ STAGE = "look"
 NAME_STAGE = "name"
 
 
-def item(source: Row, scenes: Path, episodes: Path, out: Path, robot: str, every: bool) -> WorkItem:
-    """Look along the paths of one scene's `episodes` with the camera of `robot`.
+@dataclass(frozen=True)
+class Sight:
+    """How the paths of scenes are looked at before they are instructed.
 
-    Args:
-        source: row of the stage that made `episodes`.
+    Attributes:
+        scenes: folder of repaired scenes.
+        files: where the records go.
         robot: name or folder of the robot whose camera looks.
-        every: also along paths that have an instruction already.
+        every: look also along paths that have an instruction already.
     """
-    spec = get_robot(robot)
-    job = LookJob(scenes / scene_of_part(source.item), episodes, out, robot, every)
-    inputs = (source.key, spec.name, spec.content_sha256, every)
-    return work_item(STAGE, source.item, job, (out,), *inputs)
 
+    scenes: Path
+    files: SightFiles
+    robot: str
+    every: bool
 
-def name_item(scene: str, job: NameThingsJob, *made_of: str) -> WorkItem:
-    """Name the things and rooms of one scene.
+    def look(self, source: Row, episodes: Path) -> WorkItem:
+        """Return the item that looks along the paths of one scene.
 
-    Args:
-        made_of: keys of the items that made the scene and the episodes.
-    """
-    spec = get_robot(job.robot)
-    prompts = prompts_sha256(SIGHT_PROMPTS)
-    inputs = (*made_of, job.settings, spec.name, spec.content_sha256, job.every, prompts)
-    return work_item(NAME_STAGE, scene, job, (job.out,), *inputs)
+        Args:
+            source: row of the stage that made `episodes`.
+        """
+        spec, out = get_robot(self.robot), self.files.seen(source.item)
+        scene = self.scenes / scene_of_part(source.item)
+        job = LookJob(scene, episodes, out, self.robot, self.every)
+        inputs = (source.key, spec.name, spec.content_sha256, self.every)
+        return work_item(STAGE, source.item, job, (out,), *inputs)
+
+    def name(
+        self, scene: str, episodes: Sequence[Path], model: LlmSettings, cache: Path, *made_of: str
+    ) -> WorkItem:
+        """Return the item that names the things and rooms of one scene.
+
+        Args:
+            cache: folder of the model's answers.
+            made_of: keys of the items that made the scene and the episodes.
+        """
+        spec, out = get_robot(self.robot), self.files.named(scene)
+        job = NameThingsJob(
+            scene=self.scenes / scene,
+            episodes=tuple(episodes),
+            settings=model,
+            robot=self.robot,
+            every=self.every,
+            cache=cache,
+            out=out,
+        )
+        prompts = prompts_sha256(SIGHT_PROMPTS)
+        inputs = (*made_of, model, spec.name, spec.content_sha256, self.every, prompts)
+        return work_item(NAME_STAGE, scene, job, (out,), *inputs)
 
 
 def was_asked(row: Row) -> bool:

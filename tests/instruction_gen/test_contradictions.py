@@ -1,10 +1,13 @@
 """How strongly a text contradicts the facts, and which of its readings counts."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.instructions.buildings import building
 from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
+from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.checker.align import align
 from vlnpe.instruction_gen.checker.claims import claims_of
@@ -82,3 +85,23 @@ def test_an_unknown_word_elsewhere_claims_nothing(two_rooms):
         "Leave the kitchen with its humidor feel, go past the sofa and stop when it is behind you."
     )
     assert check_text(text, facts).ok
+
+
+def with_armchairs(bundle, *centres):
+    chairs = [
+        LabeledObject(
+            f"armchair_{k}", "armchair", (x - 0.3, y - 0.3, 0.0), (x + 0.3, y + 0.3, 1.0), 0
+        )
+        for k, (x, y) in enumerate(centres)
+    ]
+    return replace(bundle, objects=(*bundle.objects, *chairs))
+
+
+def test_a_thing_with_a_side_is_counted_among_all_or_among_those_on_that_side(two_rooms):
+    facts = facts_of(EAST, with_armchairs(two_rooms, (4.6, 1.0), (5.6, 2.8)))
+    text = "Leave the kitchen and pass the {} armchair on your {}, then stop past the sofa."
+    for number in ("first", "second"):
+        assert check_text(text.format(number, "left"), facts).ok
+    assert check_text(text.format("first", "right"), facts).ok
+    assert not check_text(text.format("second", "right"), facts).ok
+    assert not check_text(text.format("third", "left"), facts).ok

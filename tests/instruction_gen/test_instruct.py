@@ -8,6 +8,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from benchmarks.instructions.buildings import building
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.formats.scene.bundle import LabeledObject
@@ -104,6 +105,19 @@ def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
         ground = Ground(facts_of(EAST, two_rooms, yaw=np.pi))
         got, _ = compose_texts(ground, 1, ("natural",), np.random.default_rng(seed))
         assert "around" in got[0].text.split(".")[0].lower()
+
+
+def test_things_that_the_checker_counts_otherwise_are_left_unsaid():
+    """All that stands at this goal is the second of its kind, of which the path passes one."""
+    path = """10.68 7.42 10.76 6.9 10.74 6.06 10.71 5.19 10.68 4.32 10.65 3.46 10.61 2.59 10.51 1.79
+        10.35 1.35 10.18 1.19 9.93 1.11 9.62 1.1 9.33 1.15 8.7 1.47 8.53 1.63 8.44 1.85 8.36 2.63
+        8.34 3.04 8.49 3.76 8.6 3.97 8.77 4.1 8.98 4.17"""
+    points = np.array(path.split(), dtype=float).reshape(-1, 2)
+    ground = Ground(path_facts(episode_of(points, -1.303), building("villa", 5039)))
+    for seed in range(3):
+        got, problems = compose_texts(ground, 3, STYLES, np.random.default_rng(seed))
+        assert len(got) == 3, problems
+        assert all(check_text(one.text, ground).ok for one in got)
 
 
 @given(st.lists(st.sampled_from([-90, -45, 45, 90]), min_size=0, max_size=4), st.floats(-3, 3))

@@ -9,6 +9,7 @@ from benchmarks.instructions.rewording import reworded
 from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
 from vlnpe.instruction_gen.checker import check_text
 from vlnpe.instruction_gen.checker.hints import loose_sides
+from vlnpe.instruction_gen.language.asides import with_asides
 from vlnpe.instruction_gen.language.ending import last_stop
 from vlnpe.instruction_gen.language.nouns import called
 from vlnpe.instruction_gen.language.parse import parse
@@ -31,6 +32,9 @@ from vlnpe.instruction_gen.language.parse import parse
         ("Make two left turns and stop.", "Turn left then turn left and stop."),
         ("Ignoring the sofa, go on and stop.", "Ignore the sofa, go on and stop."),
         ("Go out by the doorway and stop.", "Go out through the doorway and stop."),
+        ("Go in at the doorway and stop.", "Go in through the doorway and stop."),
+        ("Go up to the sofa, and that's us.", "Go up to the sofa, and stop there."),
+        ("Bear right a bit and stop.", "Bear slightly right and stop."),
         (
             "Go past the bed, which you keep on your left, and stop.",
             "Go past the bed, on your left, and stop.",
@@ -43,6 +47,40 @@ def test_idioms_are_read_as_their_plain_words(said, plain):
         return [(c.verb, c.side, [(n.head, n.prep) for n in c.nouns]) for c in clauses]
 
     assert gist(said) == gist(plain)
+
+
+@pytest.mark.parametrize(
+    ("text", "asides"),
+    [
+        ("Go between the counter, left, and the table, right, then stop.", 2),
+        ("Between the bench (left) and the rug, then stop.", 1),
+        ("Keep on and stop at the rug, sofa just ahead right.", 1),
+        ("Past the bed, left, right into the living room, then stop.", 0),
+        ("Out of the door, left, past the bench, right, then stop.", 0),
+        ("At the fridge turn left, pass the bench and stop at the sofa.", 0),
+        ("Follow the table around to the left and stop at the sofa.", 0),
+    ],
+)
+def test_a_side_alone_may_be_that_of_the_thing_before_it(text, asides):
+    read = parse(text)
+    meant = with_asides(read)
+    turns = sum(c.verb == "turn" for c in read.clauses)
+    left = sum(c.verb == "turn" for c in meant.clauses) if meant else turns
+    assert turns - left == asides
+
+
+def test_both_readings_of_a_side_alone_are_tried(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    text = "Leave the kitchen, go to the sofa, {0}, along the sofa, {0}, and stop past it."
+    assert check_text(text.format("right"), facts).ok
+    assert not check_text(text.format("left"), facts).ok
+
+
+def test_who_begins_with_right_has_not_turned_yet(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    rest = "off you go out of the kitchen, past the sofa on your right, and stop behind it."
+    assert check_text(f"Right, {rest}", facts).ok
+    assert not check_text(f"Turn right, {rest}", facts).ok
 
 
 def test_staying_and_ending_up_are_no_stops_on_the_way():
@@ -137,6 +175,7 @@ def test_sides_are_read_where_people_say_them(text, noun, side):
         ("Walk three and a half metres.", 3.5),
         ("Stop a metre and a half before the bed.", 0.0),
         ("Turn 45 degrees left.", 0.0),
+        ("Make two small steps.", 1.4),
     ],
 )
 def test_only_how_far_to_walk_is_a_distance(text, metres):
@@ -146,6 +185,17 @@ def test_only_how_far_to_walk_is_a_distance(text, metres):
 def test_the_end_of_a_thing_is_no_stop():
     read = parse("Walk a metre past where the rug ends, to the end of the hallway, and turn left.")
     assert all(c.verb != "stop" for c in read.clauses)
+
+
+@pytest.mark.parametrize("ends", ["it finishes", "the sideboard is finished", "the rug ends"])
+def test_the_end_of_a_thing_on_the_way_is_no_stop(ends):
+    clauses = parse(f"Go past the table until {ends}, then turn left and stop.").clauses
+    assert [c.verb for c in clauses].count("stop") == 1
+
+
+def test_what_is_said_after_until_when_to_walk_ends_a_text():
+    assert last_stop(parse("Go on to the end, and where a mirror is on your right, hooray.")) == 1
+    assert last_stop(parse("Go down the hall. When the room is on your right, you can.")) is None
 
 
 def test_rooms_beside_the_goal_may_be_named(two_rooms):

@@ -15,11 +15,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.instruction_gen.test_instruct import LEFT, episode_of, facts_of
+from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of, facts_of
 from tests.support.misbehaving_server import CUT, HANG, Server, completion, texts
 from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.llm.brief import brief
 from vlnpe.instruction_gen.llm.budget import BudgetError
 from vlnpe.instruction_gen.llm.client import Client, ModelDownError, ModelError
 from vlnpe.instruction_gen.llm.foreign import foreign_problems
@@ -74,6 +76,16 @@ def test_true_texts_of_a_model_are_kept(two_rooms, tmp_path):
     asked = server.requests[0]
     assert asked["response_format"]["type"] == "json_schema"
     assert '"turns"' in asked["messages"][1]["content"]
+
+
+def test_a_model_is_not_told_to_pass_what_lies_behind_the_start(two_rooms):
+    chairs = {
+        name: LabeledObject(name, name, (x, 2.2, 0.0), (x + 0.5, 2.7, 1.0), 0)
+        for name, x in (("armchair", 0.1), ("bench", 2.0))
+    }
+    bundle = replace(two_rooms, objects=(*two_rooms.objects, *chairs.values()))
+    passed = {one["what"] for one in brief(facts_of(EAST, bundle))["passed"]}
+    assert "bench" in passed and "armchair" not in passed
 
 
 def test_a_model_with_false_texts_gets_the_reasons_and_is_then_replaced(two_rooms, tmp_path):

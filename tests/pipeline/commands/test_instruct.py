@@ -24,9 +24,12 @@ from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.review import opened
 from vlnpe.pipeline.engine.executors import base as executors
+from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.jobs.instructions.instruct import read_facts
+from vlnpe.pipeline.jobs.instructions.visibility import LookJob
 from vlnpe.pipeline.options.instructions import Review
 from vlnpe.pipeline.provenance import episode_facts, provenance
+from vlnpe.pipeline.stages.align import part_name
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 
@@ -78,6 +81,25 @@ def test_a_file_is_reviewed_by_what_the_camera_saw(
     assert_reviewed_by_the_same_facts(out, scenes, facts)
     instruct(capsys, *given, "--robot", "none")  # what jetbot saw says nothing about these texts
     assert_reviewed_by_the_same_facts(out, scenes, facts)
+
+
+def test_a_run_of_several_files_is_reviewed_by_what_the_camera_saw(
+    scenes: Path, tmp_path: Path
+) -> None:
+    """Each file has a record of its own in a scene that both have paths in."""
+    folder = RunFolder(tmp_path)
+    for split, name in (("val_seen", "a"), ("val_unseen", "b")):
+        share = part_name(split, "two_rooms", files=2)
+        told = folder.episodes(f"told/{share}")
+        write_episodes(told, [replace(episode_along(EAST, name), instruction="Walk on.")])
+        seen = folder.sights.seen(share)
+        LookJob(scenes / "two_rooms", told, seen, "jetbot", every=True).run()
+    review = opened(Review(tmp_path))
+    assert review.names == ["a", "b"]
+    for name in review.names:
+        facts = review.ground(name).facts
+        assert facts.camera is not None
+        assert any(mark.max_pixels for mark in facts.landmarks)
 
 
 def test_texts_are_those_of_a_direct_call_and_are_not_written_again(
