@@ -91,6 +91,8 @@ def corrected_walk(
     """
     walk = _Mixed(LearnedPolicy(checkpoint), expert_share, rng)
     _walk(world, episode, config, eye, walk)
+    if not walk.executed:
+        raise InputError(f"episode {episode.episode_id} cannot be started")
     card = checkpoint.card
     return _correction(walk, world, episode, card.config.size_px, card.view.depth_far_m)
 
@@ -106,13 +108,12 @@ def expert_walk(
 ) -> Correction | None:
     """Let the expert walk an episode; return the walk, or None if it does not end at the goal.
 
+    A robot that stands in an obstacle at the start does not.
+
     Args:
         config: robot, controller and further settings; see `closed_loop`.
         size_px: width and height of the images kept.
         depth_far_m: greatest depth kept [m].
-
-    Raises:
-        InputError: the robot stands in an obstacle at the episode's start.
     """
     walk = _Mixed(None, 1.0, np.random.default_rng(0))
     rollout = _walk(world, episode, config, eye, walk)
@@ -128,10 +129,7 @@ def _walk(world: World, episode: Episode, config: ReplayConfig, eye: Eye, walk: 
     def choose(task: Task) -> _Corrected:
         return _Corrected(PolicyChooser(world, assignment, walk, eye), Expert(task), walk)
 
-    rollout = replay_in(world, episode, config, choose)
-    if not walk.executed:
-        raise InputError(f"episode {episode.episode_id} cannot be started")
-    return rollout
+    return replay_in(world, episode, config, choose)
 
 
 def _correction(

@@ -65,8 +65,8 @@ class Kept:
     lengths: Counter[tuple[str, int]] = field(default_factory=Counter)
     crossed: Counter[tuple[str, int]] = field(default_factory=Counter)
 
-    def avoid(self, path_m: Array, split: str) -> None:
-        """Remember a path (P, 2 or 3) [m] that new ones must differ from."""
+    def avoid(self, path_m: Array, split: str = "") -> None:
+        """Remember a path (P, 2 or 3) [m] that new ones of other splits keep away from."""
         self.index.add(stations(path_m))
         self.splits.append(split)
 

@@ -79,8 +79,7 @@ def sample_episodes(
         config: what is wanted.
         rng: the only source of randomness.
         quotas: paths by split; by default `config.count` of `config.split`.
-        avoid: episodes of this scene that are there already; new paths differ from them as from
-            each other.
+        avoid: episodes of this scene that new paths keep away from, as from those of another split.
 
     Raises:
         SceneError: not a single path can be found; the message counts the reasons.
@@ -92,7 +91,7 @@ def sample_episodes(
     headings = rng if quotas else rng.spawn(1)[0]
     search = _Search(bundle, config, rng)
     for episode in avoid:
-        search.by_level[episode.level].avoid(episode.reference_path_world_m, episode.split)
+        search.by_level[episode.level].avoid(episode.reference_path_world_m)
     kept: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None

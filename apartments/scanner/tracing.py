@@ -66,5 +66,5 @@ class Tracer:
     ) -> NDArray[np.bool_]:
         """Return (N,) whether anything lies within `reach_m` (N,) along each ray."""
         return self.scene.occluded(
-            origins=origins_m, directions=directions * np.asarray(reach_m)[:, None]
+            origins=origins_m, directions=directions * np.maximum(reach_m, 0.0)[:, None]
         )

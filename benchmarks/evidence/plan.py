@@ -299,7 +299,7 @@ def _humanoid() -> Table:
 def _scan() -> Table:
     exact, scanned = "trained in exact homes", "trained in scanned homes"
     rows = (
-        Row(exact, Training(only="exact-")),
+        Row(exact, Training(only="exact-apartment-")),
         Row(scanned, Training(only="apartment-")),
     )
     text = "scanned homes train better than exact ones"

@@ -67,7 +67,7 @@ def read_rows(contents: Contents, path: Path, features: Features, count: int) ->
             size = int(np.prod(features[key]["shape"]))
             columns[key] = np.array(values, features[key]["dtype"]).reshape(count, size)
         return unit_rows(columns, features)
-    except (AttributeError, KeyError, ValueError, pa.ArrowException) as error:
+    except (AttributeError, KeyError, TypeError, ValueError, pa.ArrowException) as error:
         raise FileFormatError(path, f"{ROW_TOPIC} does not fit its features: {error!r}") from error
 
 

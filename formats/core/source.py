@@ -125,7 +125,9 @@ def _owners() -> dict[str, list[str]]:
     Finding out takes half a second; it is kept as long as the same distributions are installed.
     """
     folders = [Path(folder) for folder in sys.path]
-    installed = sorted({path.name for folder in folders for path in folder.glob("*-info")})
+    found = {path for folder in folders for path in folder.glob("*-info")}
+    # With its time, because one version can be installed again with other packages in it.
+    installed = sorted([str(path), path.stat().st_mtime_ns] for path in found)
     known = _kept()["owners"]
     if known.get("installed") != installed:
         known["installed"], known["of"] = installed, dict(packages_distributions())

@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...instruction_gen.facts.named import SUFFIX as NAMED
-
 _SEEN = ".seen.json"
 
 
@@ -20,7 +18,7 @@ class SightFiles:
 
     def named(self, scene: str) -> Path:
         """Return what a vision-language model names in a scene without labels."""
-        return self.folder / f"{scene}{NAMED}"
+        return self.folder / f"{scene}{_named()}"
 
     def all_seen(self) -> list[Path]:
         """Return every record of what is seen that is there."""
@@ -28,4 +26,11 @@ class SightFiles:
 
     def all_named(self) -> list[Path]:
         """Return every record of what is named that is there."""
-        return sorted(self.folder.glob(f"*{NAMED}"))
+        return sorted(self.folder.glob(f"*{_named()}"))
+
+
+def _named() -> str:
+    # Only now, because it imports numerical libraries, which `--help` must not wait for.
+    from ...instruction_gen.facts.named import SUFFIX
+
+    return SUFFIX

@@ -71,6 +71,24 @@ def test_the_first_paths_of_more_are_those_of_fewer(two_rooms):
     assert [str(e) for e in few] == [str(e) for e in more[:2]]
 
 
+@pytest.mark.parametrize("split", ["train", "val_seen"])
+def test_new_paths_keep_away_from_those_to_avoid_whatever_their_split(two_rooms, split):
+    config = replace(CONFIG, count=6, min_length_m=3.0)
+    (known, *_) = sample(two_rooms, seed=5).episodes
+    known = replace(known, split=split)
+    found = [
+        episode.reference_path_world_m
+        for seed in range(3)
+        for episode in sample_episodes(
+            two_rooms, config, np.random.default_rng(seed), avoid=[known]
+        ).episodes
+    ]
+    path = known.reference_path_world_m
+    assert len(found) >= 6
+    assert min(path_gap(new, path) for new in found) >= config.family_gap_m
+    assert min(path_gap(new, path[::-1]) for new in found) >= config.family_gap_m
+
+
 def test_episodes_survive_their_file(two_rooms, tmp_path):
     episodes = sample(two_rooms).episodes
     write_episodes(tmp_path / "e.json.gz", episodes)

@@ -38,7 +38,8 @@ def more_episodes(
     `folder`. Texts are the composer's, of what the map alone shows.
 
     Raises:
-        InputError: a scene of the training is not in the run, or no path can be found.
+        InputError: a scene or a held-out episode of the training is not in the run, or no path can
+            be found.
         FileFormatError: `folder` holds episodes of other settings.
     """
     (robot,) = chosen_robots(options.robot)
@@ -71,6 +72,12 @@ def more_episodes(
         if is_published_holdout(episode.split)
         or f"{episode.scene_id}/{episode.trajectory_id}" in held
     ]
+    known = {f"{episode.scene_id}/{episode.trajectory_id}" for episode in there}
+    if unknown := sorted(t for t in held - known if scene_of(t) in names):
+        raise InputError(
+            f"{run}: lacks the episode of {unknown[0]}, which is held out; --augment keeps away "
+            "from held-out paths, so name the run that holds them with --run FOLDER"
+        )
     found: list[Episode] = []
     for number, name in enumerate(names):
         count = options.augment // len(names) + (number < options.augment % len(names))

@@ -16,6 +16,7 @@ from ....evaluation.learned import LearnedPolicy
 from ....evaluation.rounds import Round, spread
 from ....formats.core.atomic import write_bytes
 from ....formats.core.episode import Episode
+from ....formats.core.errors import InputError
 from ....formats.core.progress import progress_bar
 from ....learning.card import Card, View
 from ....learning.checkpoint import Checkpoint, load_checkpoint
@@ -106,6 +107,11 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
                 bar.update()
             write_bytes(folder / DONE, b"")
     files = tuple(sorted(folder.glob("*.npz")))
+    if not files:
+        raise InputError(
+            f"--augment: none of the expert's {len(episodes)} walks ended at its goal; valid: "
+            "another --robot or --controller, or no --augment"
+        )
     if len(files) < len(episodes):
         logger.warning(
             "--augment: %d of %d walks did not end at their goal and are left out",
