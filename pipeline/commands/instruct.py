@@ -15,8 +15,8 @@ from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languag
 from ...instruction_gen.show import show_path
 from ..engine.context import open_single, run_output
 from ..engine.ledger import Row
+from ..engine.run_folder import SightFiles
 from ..engine.runner import run_stage
-from ..engine.sight_files import SightFiles
 from ..engine.work import digest
 from ..inputs.episodes import episode_files, scenes_of
 from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights

@@ -9,8 +9,7 @@ from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.facts.named import read_named
 from ...instruction_gen.review.server import Review, make_server
 from ..engine.context import LEDGERS
-from ..engine.run_folder import RunFolder
-from ..engine.sight_files import SightFiles
+from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episodes import scenes_of
 from ..jobs.instructions.instruct import read_sights
 from ..jobs.reviewed import REVIEW_NAME

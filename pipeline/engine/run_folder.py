@@ -12,8 +12,8 @@ from pathlib import Path
 from urllib.parse import quote
 
 from ...formats.core.errors import InputError
-from .sight_files import SightFiles
 
+_SEEN = ".seen.json"
 MINIMUM_FREE_BYTES = 256 * 1024**2
 
 
@@ -57,6 +57,39 @@ def file_names(texts: Sequence[str]) -> list[str]:
 
 def _as_byte(letter: re.Match[str]) -> str:
     return f"%{ord(letter[0]):02X}"
+
+
+@dataclass(frozen=True)
+class SightFiles:
+    """The records of what is seen along paths, and named in scenes, in one folder.
+
+    In a run this is its folder of facts; beside a single output it is that of its ledger.
+    """
+
+    folder: Path
+
+    def seen(self, share: str) -> Path:
+        """Return what the robot's camera sees along the paths of a scene, or a split of it."""
+        return self.folder / f"{share}{_SEEN}"
+
+    def named(self, scene: str) -> Path:
+        """Return what a vision-language model names in a scene without labels."""
+        return self.folder / f"{scene}{_named()}"
+
+    def all_seen(self) -> list[Path]:
+        """Return every record of what is seen that is there."""
+        return sorted(self.folder.glob(f"*{_SEEN}"))
+
+    def all_named(self) -> list[Path]:
+        """Return every record of what is named that is there."""
+        return sorted(self.folder.glob(f"*{_named()}"))
+
+
+def _named() -> str:
+    # Only now, because it imports numerical libraries, which `--help` must not wait for.
+    from ...instruction_gen.facts.named import SUFFIX
+
+    return SUFFIX
 
 
 @dataclass(frozen=True)

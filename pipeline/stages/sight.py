@@ -12,7 +12,7 @@ from ...collectors.robots import get_robot
 from ...instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ...instruction_gen.llm.settings import LlmSettings
 from ..engine.ledger import Row
-from ..engine.sight_files import SightFiles
+from ..engine.run_folder import SightFiles
 from ..engine.work import WorkItem, work_item
 from ..jobs.instructions.name_things import NameThingsJob
 from ..jobs.instructions.visibility import LookJob
