@@ -2,8 +2,9 @@
 
 import hashlib
 import logging
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,13 +20,15 @@ from .checker import Ground
 from .composer import compose_texts
 from .facts import LevelFacts, path_facts
 from .facts.named import Named
+from .facts.records import PathFacts
 from .llm.brief import prompts_sha256
 from .records import COMPOSER, LOCAL, InstructConfig, WrittenText
 
 logger = logging.getLogger(__name__)
 
-# A path's ground and generator in; its texts, or problems where none is true, out.
-Writer = Callable[[Ground, np.random.Generator], tuple[list[WrittenText], list[str]]]
+# A path's texts, or problems where none is true.
+Written = tuple[list[WrittenText], list[str]]
+Writer = Callable[[Ground, np.random.Generator], Written]
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,6 @@ class InstructResult:
         failed: why a path has no instruction, by episode id.
         unnamed: labels of the scenes that no noun is known for, with how often they occur.
         skeletons: sentences of the composer with slots for what varies, with how often.
-        facts: facts record of each instructed trajectory.
         model: the client of a language model, if one was asked.
     """
 
@@ -45,7 +47,6 @@ class InstructResult:
     failed: dict[str, str] = field(default_factory=dict)
     unnamed: dict[str, int] = field(default_factory=dict)
     skeletons: dict[str, int] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
     model: list[Any] = field(default_factory=list)
 
     def usage(self) -> dict[str, Any]:
@@ -102,6 +103,7 @@ def instruct_episodes(
     cache: Path = Path("llm_cache"),
     *,
     named: Mapping[str, Named] | None = None,
+    keep: Callable[[PathFacts], None] | None = None,
 ) -> InstructResult:
     """Write the instructions of each path whose episodes have none.
 
@@ -117,6 +119,7 @@ def instruct_episodes(
         writer: writes a path's texts; by default the one that `config` names.
         cache: folder of a language model's answers.
         named: things and rooms, by scene, where a scan has no labels.
+        keep: is given the facts of each path, one after the other; none are held here.
 
     Raises:
         FileFormatError: a scene is missing.
@@ -130,24 +133,31 @@ def instruct_episodes(
     result = InstructResult([], skeletons=skeletons)
     write = writer or _writer(config, taken, skeletons, cache, result)
     asked = [e for e in episodes if config.replace or not e.instruction]
-    paths = {f"{e.scene_id}/{e.trajectory_id}": e for e in reversed(asked)}
-    for episode in reversed(paths.values()):
-        facts = path_facts(episode, levels.of(episode), visibility)
-        result.facts[episode.trajectory_id] = facts
+    paths: dict[str, Episode] = {}
+    for episode in asked:
+        levels.of(episode)  # a missing scene is told before anything is written
+        paths.setdefault(f"{episode.scene_id}/{episode.trajectory_id}", episode)
 
-    def describe(path: str) -> tuple[list[WrittenText], list[str]]:
-        facts = result.facts[paths[path].trajectory_id]
+    def describe(path: str, facts: PathFacts) -> Written:
         texts, problems = write(Ground(facts), path_generator(seed, path))
         taken.update(text.text for text in texts)
         return texts, problems
 
     # A model's server answers several at once; the composer has nothing to wait for.
     workers = config.llm.workers if config.llm and writer is None else 1
-    names = list(reversed(paths))
+    done: dict[str, Written] = {}
+    waiting: deque[tuple[str, Future[Written]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
-        futures = {name: pool.submit(describe, name) for name in names}
         try:
-            done = {name: future.result() for name, future in futures.items()}
+            for name, episode in paths.items():
+                facts = path_facts(episode, levels.of(episode), visibility)
+                if keep is not None:
+                    keep(facts)
+                waiting.append((name, pool.submit(describe, name, facts)))
+                if len(waiting) > 2 * workers:
+                    first, future = waiting.popleft()
+                    done[first] = future.result()
+            done |= {name: future.result() for name, future in waiting}
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
@@ -195,7 +205,7 @@ def composer_writer(
     """Return the composer as a writer; it avoids texts in `taken` and counts skeletons."""
     counts = {} if skeletons is None else skeletons
 
-    def write(ground: Ground, rng: np.random.Generator) -> tuple[list[WrittenText], list[str]]:
+    def write(ground: Ground, rng: np.random.Generator) -> Written:
         composed, problems = compose_texts(ground, config.count, config.styles, rng, taken)
         for one in composed:
             for skeleton in one.skeletons:

@@ -42,9 +42,10 @@ import numpy as np
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
+from vlnpe.formats.scene.visibility import Visibility
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
-from vlnpe.pipeline.jobs.instructions.visibility import look
+from vlnpe.pipeline.jobs.instructions.visibility import StandingEye, look
 
 from .buildings import building
 from .lies import KINDS
@@ -121,7 +122,8 @@ def _entries(
     bundle: SceneBundle | None = None,
 ) -> list[Entry]:
     episodes = [_episode(path, scene_id) for path in paths]
-    sight = look(bundle, episodes, get_robot("aliengo")) if bundle else None
+    eye = StandingEye(get_robot("aliengo"))
+    sight = Visibility(eye.described(), dict(look(bundle, episodes, eye))) if bundle else None
     return [
         Entry(
             path["id"],

@@ -1,18 +1,20 @@
-"""Visibility along a path: rendered ids counted per moment and object, as JSON on disk.
+"""Visibility along a path: rendered ids counted per moment and object, as JSON Lines on disk.
 
 The pipeline renders them (the renderer lives in `collectors`), the instruction stage reads them.
 """
 
+import contextlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.atomic import write_bytes
+from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
 
-VISIBILITY_VERSION = 1
+VISIBILITY_VERSION = 2
+_ID = "trajectory_id"
 
 
 @dataclass(frozen=True)
@@ -68,61 +70,94 @@ class PathSight:
 
 @dataclass(frozen=True)
 class Visibility:
-    """Objects seen along the paths of one scene.
+    """Objects seen along the paths of one scene or of several.
 
     Attributes:
         paths: by trajectory id.
-        seconds: processor time it took [s], the renderer's start included.
     """
 
     camera: SightCamera
     paths: Mapping[str, PathSight]
-    seconds: float = 0.0
 
 
-def write_visibility(path: Path, sight: Visibility) -> None:
-    """Write `sight` atomically."""
-    document = {
-        "format_version": VISIBILITY_VERSION,
-        "camera": asdict(sight.camera),
-        "seconds": round(sight.seconds, 3),
-        "paths": {
-            name: {
-                "looks_m": [round(v, 3) for v in one.looks_m],
-                "glimpses": [
-                    [g.thing, round(g.along_m, 3), g.pixels, round(g.occluded, 3), list(g.rgb)]
-                    for g in one.glimpses
-                ],
-            }
-            for name, one in sight.paths.items()
-        },
-    }
-    write_bytes(path, (json.dumps(document, separators=(",", ":")) + "\n").encode())
+@contextlib.contextmanager
+def visibility_writer(
+    path: Path, camera: SightCamera
+) -> Iterator[Callable[[str, PathSight], None]]:
+    """Yield a function that writes one path's sight by its trajectory id; the file is atomic.
+
+    JSON Lines: the first says version and camera, each other one is a path. No more than one path
+    is held in memory.
+    """
+    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8") as lines:
+
+        def write(trajectory_id: str, sight: PathSight) -> None:
+            glimpses = [
+                [g.thing, round(g.along_m, 3), g.pixels, round(g.occluded, 3), list(g.rgb)]
+                for g in sight.glimpses
+            ]
+            looks = [round(along, 3) for along in sight.looks_m]
+            lines.write(_line({_ID: trajectory_id, "looks_m": looks, "glimpses": glimpses}))
+
+        lines.write(_line({"format_version": VISIBILITY_VERSION, "camera": asdict(camera)}))
+        yield write
 
 
-def read_visibility(path: Path) -> Visibility:
-    """Read the output of `write_visibility`.
+def read_visibility(path: Path, *more: Path) -> Visibility:
+    """Read what `visibility_writer` wrote to one file or more, with the camera of the first.
+
+    A path's sight is decoded when it is asked for.
 
     Raises:
         FileFormatError: missing, of another version, or damaged.
     """
+    parts = [_read(one) for one in (path, *more)]
+    lines = {name: line for _, found in parts for name, line in found.items()}
+    return Visibility(parts[0][0], _Encoded(lines))
+
+
+def _read(path: Path) -> tuple[SightCamera, dict[str, bytes]]:
     try:
-        document: dict[str, Any] = json.loads(path.read_bytes())
-        if document["format_version"] != VISIBILITY_VERSION:
-            version = document["format_version"]
-            raise FileFormatError(path, f"version {version}; this code reads {VISIBILITY_VERSION}")
-        paths = {
-            name: PathSight(
-                tuple(one["looks_m"]),
-                tuple(
-                    Glimpse(thing, along, pixels, occluded, (rgb[0], rgb[1], rgb[2]))
-                    for thing, along, pixels, occluded, rgb in one["glimpses"]
-                ),
-            )
-            for name, one in document["paths"].items()
-        }
-        return Visibility(SightCamera(**document["camera"]), paths, document["seconds"])
+        with path.open("rb") as lines:
+            head: dict[str, Any] = json.loads(next(lines, b""))
+            if head["format_version"] != VISIBILITY_VERSION:
+                version = head["format_version"]
+                raise FileFormatError(
+                    path, f"version {version}; this code reads {VISIBILITY_VERSION}"
+                )
+            camera = SightCamera(**head["camera"])
+            # Decoded once here, so that damage is found now; kept as text, which is a tenth.
+            return camera, {_decoded(line)[0]: line for line in lines}
     except OSError as error:
         raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise FileFormatError(path, f"not a visibility record: {error!r}") from error
+
+
+class _Encoded(Mapping[str, PathSight]):
+    """Sights by trajectory id, as lines of JSON until they are asked for."""
+
+    def __init__(self, lines: Mapping[str, bytes]):
+        self._lines = lines
+
+    def __getitem__(self, key: str) -> PathSight:
+        return _decoded(self._lines[key])[1]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._lines)
+
+    def __len__(self) -> int:
+        return len(self._lines)
+
+
+def _line(document: Mapping[str, Any]) -> str:
+    return json.dumps(document, separators=(",", ":")) + "\n"
+
+
+def _decoded(line: bytes) -> tuple[str, PathSight]:
+    one = json.loads(line)
+    glimpses = tuple(
+        Glimpse(thing, along, pixels, occluded, (rgb[0], rgb[1], rgb[2]))
+        for thing, along, pixels, occluded, rgb in one["glimpses"]
+    )
+    return one[_ID], PathSight(tuple(one["looks_m"]), glimpses)

@@ -1,7 +1,7 @@
 """`vlnpe instruct`: texts for the paths of one episode file."""
 
 import sys
-from collections.abc import Mapping, Set
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 
 from ...formats.core.atomic import write_bytes
@@ -19,7 +19,7 @@ from ..engine.run_folder import SightFiles
 from ..engine.runner import run_stage
 from ..engine.work import digest
 from ..inputs.episodes import episode_files, scenes_of
-from ..jobs.instructions.instruct import CACHE, InstructJob, read_facts, read_sights
+from ..jobs.instructions.instruct import CACHE, InstructJob, read_sights
 from ..options.instructions import Instruct
 from ..options.shared import Wording
 from ..stages import instruct, repair, sight
@@ -112,7 +112,9 @@ def run(options: Instruct) -> int:
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
-        _show(read_episodes(out), job, options.show)
+        new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
+        told = [e for e in read_episodes(out) if e.trajectory_id in new][: max(0, options.show)]
+        _show(told, job)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
         sys.stdout.writelines(sight.naming_report(naming.values()))
         for label, count in made["unnamed_labels"].items():
@@ -135,13 +137,10 @@ def _part(root: Path, scene: str) -> Path:
     return root / f"{scene}.json.gz"
 
 
-def _show(episodes: list[Episode], job: InstructJob, count: int) -> None:
-    """Print the map and the texts of the first `count` paths that got texts."""
-    if count < 1:
-        return
-    instructed = read_facts(job.facts)
-    levels, sight = Levels(job.scenes), read_sights(job.seen)
-    for episode in [e for e in episodes if e.trajectory_id in instructed][:count]:
+def _show(episodes: Sequence[Episode], job: InstructJob) -> None:
+    """Print the map and the texts of episodes."""
+    levels, sight = Levels(job.scenes), read_sights(job.seen) if episodes else None
+    for episode in episodes:
         facts = path_facts(episode, levels.of(episode), sight)
         sys.stdout.write(show_path(episode, facts) + "\n\n")
 

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from ...formats.core.errors import InputError
 
-_SEEN = ".seen.json"
+_SEEN = ".seen.jsonl"
 MINIMUM_FREE_BYTES = 256 * 1024**2
 
 

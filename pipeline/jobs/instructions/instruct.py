@@ -14,6 +14,7 @@ from ....formats.scene.visibility import Visibility, read_visibility
 from ....formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ....formats.vlnce.groups import group_by_path, per_instruction
 from ....instruction_gen.facts.named import Named, read_named
+from ....instruction_gen.facts.records import PathFacts
 from ....instruction_gen.instruct import InstructResult, instruct_episodes
 from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.records import InstructConfig
@@ -54,9 +55,11 @@ class InstructJob:
         asked = read_episodes(self.episodes)
         sight = read_sights(self.seen)
         named = read_named(self.named)
+        facts = FactsFile()
         result = instruct_episodes(
-            asked, self.scenes, self.config, self.seed, sight, cache=self.cache, named=named
-        )
+            asked, self.scenes, self.config, self.seed, sight,
+            cache=self.cache, named=named, keep=facts.add,
+        )  # fmt: skip
         kept = set() if self.config.replace else {e.episode_id for e in asked if e.instruction}
         made = [
             episode if episode.episode_id in kept else self._with_vision(episode, named)
@@ -65,7 +68,7 @@ class InstructJob:
         if self.per_instruction:
             made = [one for path in group_by_path(made) for one in per_instruction(path)]
         write_episodes(self.out, made)
-        write_facts(self.facts, result.facts)
+        facts.write(self.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 
     def _with_vision(self, episode: Episode, named: Mapping[str, Named]) -> Episode:
@@ -86,11 +89,7 @@ def read_sights(paths: Sequence[Path]) -> Visibility | None:
     Raises:
         FileFormatError: If a record cannot be read.
     """
-    parts = [read_visibility(path) for path in paths]
-    if not parts:
-        return None
-    sights = {name: sight for part in parts for name, sight in part.paths.items()}
-    return Visibility(parts[0].camera, sights, sum(part.seconds for part in parts))
+    return read_visibility(*paths) if paths else None
 
 
 def summary(result: InstructResult) -> dict[str, Any]:
@@ -106,13 +105,31 @@ def summary(result: InstructResult) -> dict[str, Any]:
     }
 
 
-def write_facts(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write facts records by trajectory id, as compressed JSON."""
-    document = dict(sorted(facts.items()))
-    data = json.dumps(document, default=vars, separators=(",", ":")).encode()
-    write_bytes(path, gzip.compress(data, compresslevel=6, mtime=0))
+class FactsFile:
+    """Facts records by trajectory id, held compressed until they are written as one JSON object.
+
+    Each is a member of its own of the gzip file, as the format allows.
+    """
+
+    def __init__(self):
+        """Start without any."""
+        self._members: dict[str, bytes] = {}
+
+    def add(self, facts: PathFacts) -> None:
+        """Add the record of one path."""
+        record = json.dumps(facts, default=vars, separators=(",", ":"))
+        self._members[facts.trajectory_id] = _member(f"{json.dumps(facts.trajectory_id)}:{record}")
+
+    def write(self, path: Path) -> None:
+        """Write all records, sorted by trajectory id."""
+        members = [self._members[name] for name in sorted(self._members)]
+        write_bytes(path, b"".join([_member("{"), _member(",").join(members), _member("}")]))
+
+
+def _member(text: str) -> bytes:
+    return gzip.compress(text.encode(), compresslevel=6, mtime=0)
 
 
 def read_facts(path: Path) -> dict[str, Any]:
-    """Read what `write_facts` wrote: plain records by trajectory id."""
+    """Read what `FactsFile` wrote: plain records by trajectory id."""
     return json.loads(gzip.decompress(path.read_bytes()))

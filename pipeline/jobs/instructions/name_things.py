@@ -10,7 +10,6 @@ from pydantic import BaseModel
 
 from ....collectors.rendering.registry import make_renderer
 from ....collectors.robots import RobotSpec, get_robot
-from ....formats.core.camera import CameraModel
 from ....formats.core.episode import Episode
 from ....formats.core.frames import quat_to_matrix
 from ....formats.scene.bundle import SceneBundle, load_bundle
@@ -107,14 +106,13 @@ def views_along(bundle: SceneBundle, episodes: Sequence[Episode], robot: RobotSp
         robot: its camera looks.
     """
     eye = StandingEye(robot)
-    camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, robot.camera.model.hfov_deg)
-    ray = camera.pixel_rays()
+    ray = eye.camera.pixel_rays()
     renderer = make_renderer(bundle)
     views: dict[bytes, View] = {}
     for episode in {episode.trajectory_id: episode for episode in episodes}.values():
         for _, point, yaw in looks_along(episode.reference_path_world_m)[::EVERY]:
             position, quat = eye.pose(point, yaw)
-            frame = renderer.render_labelled(camera, position, quat)
+            frame = renderer.render_labelled(eye.camera, position, quat)
             depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan)
             points = (ray * depth[..., None]) @ quat_to_matrix(quat).T + position
             png = cv2.imencode(".png", np.ascontiguousarray(frame.rgb[..., ::-1]))[1].tobytes()

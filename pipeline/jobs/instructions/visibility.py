@@ -5,6 +5,7 @@ stands where the robot's does when it stands, and looks along the path.
 """
 
 import time
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -24,8 +25,7 @@ from ....formats.scene.visibility import (
     Glimpse,
     PathSight,
     SightCamera,
-    Visibility,
-    write_visibility,
+    visibility_writer,
 )
 from ....formats.vlnce.files import read_episodes
 from ...engine.work import ItemResult
@@ -55,39 +55,37 @@ class LookJob:
 
     def run(self) -> ItemResult:
         """Write what is seen along each path of an episode file."""
+        started = time.process_time()
         asked = [e for e in read_episodes(self.episodes) if self.every or not e.instruction]
-        sight = look(load_bundle(self.scene), asked, get_robot(self.robot))
-        write_visibility(self.out, sight)
-        looks = sum(len(one.looks_m) for one in sight.paths.values())
-        facts = {
-            "robot": self.robot,
-            "paths": len(sight.paths),
-            "images": looks,
-            "cpu_s": round(sight.seconds, 2),
-        }
-        return ItemResult(facts)
+        eye = StandingEye(get_robot(self.robot))
+        paths = images = 0
+        with visibility_writer(self.out, eye.described()) as write:
+            for trajectory_id, sight in look(load_bundle(self.scene), asked, eye):
+                write(trajectory_id, sight)
+                paths, images = paths + 1, images + len(sight.looks_m)
+        used = round(time.process_time() - started, 2)
+        return ItemResult({"robot": self.robot, "paths": paths, "images": images, "cpu_s": used})
 
 
-def look(bundle: SceneBundle, episodes: list[Episode], robot: RobotSpec) -> Visibility:
-    """Render ids along the reference paths; episodes of one trajectory share a path."""
-    started = time.process_time()
-    eye = StandingEye(robot)
-    camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, robot.camera.model.hfov_deg)
-    paths: dict[str, PathSight] = {}
+def look(
+    bundle: SceneBundle, episodes: Iterable[Episode], eye: "StandingEye"
+) -> Iterator[tuple[str, PathSight]]:
+    """Render ids along the reference paths; yield each trajectory's id with what is seen."""
     # Where nothing has a name, or nothing is asked, a renderer would be built for nothing.
-    worth = [e for e in episodes if any(":" not in o.category for o in bundle.objects)]
-    counter = _Counter(bundle, bundle.visual(), camera) if worth else None
-    renderer = make_renderer(bundle) if worth else None
-    for episode in worth:
-        if episode.trajectory_id in paths or counter is None or renderer is None:
-            continue
-        looks, glimpses = looks_along(episode.reference_path_world_m), []
+    paths: dict[str, NDArray[np.float64]] = {}
+    for episode in episodes:
+        paths.setdefault(episode.trajectory_id, episode.reference_path_world_m)
+    if not paths or all(":" in thing.category for thing in bundle.objects):
+        return
+    camera, renderer = eye.camera, make_renderer(bundle)
+    counter = _Counter(bundle, bundle.visual(), camera)
+    for trajectory_id, path_m in paths.items():
+        looks, glimpses = looks_along(path_m), []
         for along, point, yaw in looks:
             position, quat = eye.pose(point, yaw)
             frame = renderer.render_labelled(camera, position, quat)
             glimpses += counter.glimpses(frame, along, position, quat_to_matrix(quat))
-        paths[episode.trajectory_id] = PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
-    return Visibility(eye.described(), paths, time.process_time() - started)
+        yield trajectory_id, PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
 
 
 class StandingEye:
@@ -95,6 +93,7 @@ class StandingEye:
 
     def __init__(self, robot: RobotSpec):
         self._robot = robot
+        self.camera = CameraModel("look", WIDTH_PX, HEIGHT_PX, robot.camera.model.hfov_deg)
         self._body = RobotBody(robot.build_model(floor=False), robot.joint_names)
 
     def pose(
