@@ -17,6 +17,9 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
           $(if $(SCENES),--scenes "$(SCENES)") $(if $(OUT),--out "$(OUT)") \
           $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
+# Containers often set it; every process then compiles the source of all libraries that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
 TARGETS = help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
           report verify doctor clean
 # The closest of the words $2 to each of the words $1.
