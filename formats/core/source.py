@@ -128,7 +128,8 @@ def _owners() -> dict[str, list[str]]:
     found = {path for folder in folders for path in folder.glob("*-info")}
     # With its time, because one version can be installed again with other packages in it.
     installed = sorted([str(path), path.stat().st_mtime_ns] for path in found)
-    known = _kept()["owners"]
+    # Environments that share this checkout have other packages each.
+    known = _kept()["owners"].setdefault(sys.prefix, {})
     if known.get("installed") != installed:
         known["installed"], known["of"] = installed, dict(packages_distributions())
     return known["of"]

@@ -15,6 +15,7 @@ from vlnpe.apartments.scanner import atlas
 from vlnpe.apartments.scanner.depth import DepthCamera
 from vlnpe.apartments.scanner.stations import look
 from vlnpe.apartments.scanner.tracing import Tracer
+from vlnpe.formats.core.threads import allow_threads
 from vlnpe.formats.scene.grid import GridSpec
 
 pytestmark = pytest.mark.chain
@@ -164,13 +165,16 @@ def test_welding_joins_the_nodes_again(loaded: dict[str, Any]) -> None:
     assert np.bincount(pieces).max() > 0.8 * len(merged.vertices)
 
 
-def test_same_seed_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_same_seed_gives_the_same_bytes_with_any_number_of_threads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(atlas, "_COARSEST_M", 0.1)
     first, second = tmp_path / "first", tmp_path / "second"
-    for folder in (first, second):
+    for threads, folder in ((1, first), (3, second)):
         folder.mkdir()
-        generate_scan(SEED, folder, COARSEST)
-    for name in ("scan.glb", "scan.labels.json"):
+        with allow_threads(threads):
+            generate_scan(SEED, folder, COARSEST)
+    for name in ("scan.glb", "scan.labels.json", "truth.npz"):
         assert (first / name).read_bytes() == (second / name).read_bytes(), name
 
 
