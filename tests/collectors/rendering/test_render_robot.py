@@ -1,5 +1,6 @@
 """The robot's own body in the picture: shapes, poses, occlusion."""
 
+import cv2
 import mujoco
 import numpy as np
 import pytest
@@ -205,3 +206,21 @@ def test_parts_beside_and_behind_the_lens_are_drawn_where_they_are(
         near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
     expected = np.where((near <= far) & (near > 0) & (near < empty), near, empty)
     assert (np.abs(depth - expected) > 1e-3).mean() < 2e-3
+
+
+def test_the_outline_mixes_the_robot_with_what_is_behind_it(
+    renderer: Renderer, ball: RobotBody
+) -> None:
+    """Not with itself: the triangle behind a robot's pixel is not seen there."""
+    # No shadow: the ball hangs before a wall, which has one colour there.
+    eye, quat = [5.0, 2.5, 1.3], facing(0.0)
+    wall, far = (values.astype(float) for values in renderer.render(SQUARE, eye, quat))
+    pose = ball.pose([6.5, 2.5, 1.3], UPRIGHT, [0.0])
+    rgb, depth = (values.astype(float) for values in renderer.render(SQUARE, eye, quat, pose))
+    # The share of the ball, in linear light (sRGB is near a power of 2.2): green is all wall's.
+    share = 1 - ((rgb[..., 1] + 1e-9) / wall[..., 1]) ** 2.2
+    robot = (depth < far).astype(np.uint8)
+    inner = cv2.erode(robot, np.ones((3, 3))) > 0
+    outline = (robot > 0) & ~inner
+    assert share[cv2.erode(robot, np.ones((5, 5))) > 0].min() > 0.95
+    assert (share[outline] < 0.85).mean() > 0.2
