@@ -18,7 +18,7 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
 from ..camera import view_of
 from ..card import Card, View
-from ..checkpoint import load_checkpoint
+from ..checkpoint import Checkpoint, load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
 from .cache import CachedSequences, decode_all
@@ -87,6 +87,7 @@ class Planned:
         mixture: name of the recipe's mixture.
         held: held-out episodes by source.
         view: the camera of all episodes.
+        start: what the training starts from.
     """
 
     config: TrainConfig
@@ -95,6 +96,7 @@ class Planned:
     holdout: Holdout
     held: Mapping[str, Selection]
     view: View
+    start: Checkpoint | None
 
     def every(self, label: str) -> tuple[str, ...]:
         """Return the values of a label, such as `robot`, that occur among the episodes."""
@@ -103,14 +105,17 @@ class Planned:
 
 
 def plan_training(request: Request) -> Planned:
-    """Choose the episodes of a request.
+    """Choose the episodes of a request, and open the model that it starts from.
 
     Raises:
         InputError: settings or data that are not valid.
-        FileFormatError: damaged data.
+        FileFormatError: damaged data or weights.
     """
     recipe = request.recipe
     config = train_config({**recipe.train, **(request.changes or {})})
+    start = load_checkpoint(request.start) if request.start else None
+    if start is not None and start.card.config.model != config.model:
+        raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
     name = _mixture_name(recipe, request.mixture)
     library = Library(request.data)
     used = choose_all(recipe, recipe.mixtures[name].weights, library)
@@ -119,7 +124,7 @@ def plan_training(request: Request) -> Planned:
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in found.items()}
     view = view_of([s.selection for s in plan.sources])
-    return Planned(config, name, plan, holdout, held, view)
+    return Planned(config, name, plan, holdout, held, view, start)
 
 
 def train_recipe(request: Request, *, show: bool = True) -> Result:
@@ -133,9 +138,7 @@ def train_recipe(request: Request, *, show: bool = True) -> Result:
     planned = plan_training(request)
     config, plan = planned.config, planned.plan
     seed = recipe.seed if request.seed is None else request.seed
-    start = load_checkpoint(request.start) if request.start else None
-    if start is not None and start.card.config.model != config.model:
-        raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
+    start = planned.start
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"

@@ -126,6 +126,11 @@ def test_augmentation_trains_on_further_walks_away_from_held_out_ones(
     capsys.readouterr()
     assert main([*call[:-2], "2"]) == 2
     assert "other settings" in capsys.readouterr().err
+    # A model that cannot be started from is told before any path is walked.
+    elsewhere = [str(tmp_path / "elsewhere") if a == str(out) else a for a in call]
+    assert main([*elsewhere, "--start", str(tmp_path / "none.safetensors")]) == 2
+    assert "none.safetensors" in capsys.readouterr().err
+    assert not (tmp_path / "elsewhere" / "augmented").exists()
 
 
 @pytest.mark.parametrize(

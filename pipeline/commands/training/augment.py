@@ -53,7 +53,7 @@ def more_episodes(
         )
     made_by = {
         "augment": options.augment,
-        "robot": options.robot,
+        "robot": [robot.name, robot.content_sha256],
         "controller": options.controller,
         "seed": seed,
         "size_px": planned.config.size_px,
