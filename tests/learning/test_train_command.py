@@ -86,6 +86,13 @@ def test_dagger_goes_on_with_corrected_walks(
     assert (item["rgb"][0].float() - plain["rgb"][0].float()).abs().mean() < 4
     assert item["action"][0] == plain["action"][0] and item["previous_action"][0] == 0
     assert int(item["length"]) > 1 and float(item["progress"].min()) >= 0
+    # Killed between its walks, the same command makes the missing one alone, and the same.
+    times = [path.stat().st_mtime_ns for path in files]
+    content = files[1].read_bytes()
+    files[1].unlink()
+    (files[1].parent / "done").unlink()
+    assert main([*call, "--json"]) == 0
+    assert files[0].stat().st_mtime_ns == times[0] and files[1].read_bytes() == content
     files[0].write_bytes(b"no walk")
     with pytest.raises(FileFormatError, match="0000"):
         CorrectedEpisodes(files, card.tokens, card.config)[0]

@@ -1,7 +1,7 @@
 """What a training does in closed loop: validation, augmentation, and DAgger."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,9 +10,11 @@ import numpy as np
 from ....collectors.controllers import controller_for
 from ....collectors.rendering.camera.views import CameraOverrides
 from ....collectors.replay import ReplayConfig
+from ....collectors.world import World
 from ....evaluation.dagger import corrected_walk, expert_walk
 from ....evaluation.episode import closed_loop
 from ....evaluation.learned import LearnedPolicy
+from ....evaluation.observation import Eye
 from ....evaluation.rounds import Round, spread
 from ....formats.core.atomic import write_bytes
 from ....formats.core.episode import Episode
@@ -21,7 +23,7 @@ from ....formats.core.progress import progress_bar
 from ....learning.card import Card, View
 from ....learning.checkpoint import Checkpoint, load_checkpoint
 from ....learning.models.registry import Model
-from ....learning.training.corrections import write_correction
+from ....learning.training.corrections import Correction, write_correction
 from ....learning.training.curves import Validation
 from ....learning.training.session import Planned, Request, Result, train_recipe
 from ...inputs.crews import chosen_robots
@@ -94,19 +96,11 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
     episodes, scenes = more_episodes(options, run_of(options), planned, seed, folder)
     walks = _round(options, planned.view, planned.every("light"), tuple(episodes), scenes)
     size_px, far_m = planned.config.size_px, planned.view.depth_far_m
-    with progress_bar("augment", len(episodes)) as bar:
-        if not (folder / DONE).is_file():
-            for number, (world, eye, episode) in enumerate(walks.starts()):
-                path = folder / f"{number:04d}.npz"
-                if not path.is_file():
-                    walk = expert_walk(
-                        world, episode, walks.config, eye, size_px=size_px, depth_far_m=far_m
-                    )
-                    if walk is not None:
-                        write_correction(path, walk)
-                bar.update()
-            write_bytes(folder / DONE, b"")
-    files = tuple(sorted(folder.glob("*.npz")))
+
+    def walk(_: int, world: World, eye: Eye, episode: Episode) -> Correction | None:
+        return expert_walk(world, episode, walks.config, eye, size_px=size_px, depth_far_m=far_m)
+
+    files = _walked(folder, walks, "augment", walk)
     if not files:
         raise InputError(
             f"--augment: none of the expert's {len(episodes)} walks ended at its goal; valid: "
@@ -143,17 +137,34 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
 
 def _corrections(
     folder: Path, walks: Round, checkpoint: Checkpoint, expert_share: float
-) -> list[Path]:
-    """Return the files of corrected walks; those that are there already are not walked again."""
+) -> tuple[Path, ...]:
+    def walk(number: int, world: World, eye: Eye, episode: Episode) -> Correction:
+        rng = np.random.default_rng(number)
+        return corrected_walk(
+            world, episode, walks.config, checkpoint, eye, expert_share=expert_share, rng=rng
+        )
+
+    return _walked(folder, walks, "dagger", walk)
+
+
+def _walked(
+    folder: Path,
+    walks: Round,
+    label: str,
+    walk: Callable[[int, World, Eye, Episode], Correction | None],
+) -> tuple[Path, ...]:
+    """Walk the episodes of a round, and return the files of the walks that are not None.
+
+    Those that are there already are not made again.
+    """
+    done = folder / DONE
     folder.mkdir(parents=True, exist_ok=True)
-    files = [folder / f"{number:04d}.npz" for number in range(len(walks.episodes))]
-    done = all(path.is_file() for path in files)
-    with progress_bar("dagger", len(files), initial=len(files) * done) as bar:
-        for number, (world, eye, episode) in enumerate(() if done else walks.starts()):
-            rng = np.random.default_rng(number)
-            walk = corrected_walk(
-                world, episode, walks.config, checkpoint, eye, expert_share=expert_share, rng=rng
-            )
-            write_correction(files[number], walk)
+    count = len(walks.episodes)
+    with progress_bar(label, count, initial=count * done.is_file()) as bar:
+        for number, start in enumerate(() if done.is_file() else walks.starts()):
+            path = folder / f"{number:04d}.npz"
+            if not path.is_file() and (made := walk(number, *start)) is not None:
+                write_correction(path, made)
             bar.update()
-    return files
+    write_bytes(done, b"")
+    return tuple(sorted(folder.glob("*.npz")))
