@@ -2,8 +2,18 @@
 
 from collections.abc import Mapping
 
-from benchmarks.evidence.records import BODYLESS, Claim, Row, Table, Test, Training
-from benchmarks.evidence.robots import FULL, H1, H1_DATA, controller, embodiments, gap
+from benchmarks.evidence.records import (
+    BODYLESS,
+    FULL,
+    H1,
+    H1_DATA,
+    Claim,
+    Row,
+    Table,
+    Test,
+    Training,
+)
+from benchmarks.evidence.robots import controller_table, gap_table, mixtures_table
 
 DEPTH_ONLY = Training(inputs=("depth", "instruction"))
 RGB_ONLY = Training(inputs=("rgb", "instruction"))
@@ -14,7 +24,7 @@ _FULL, _DEAF, _BLIND = "CMA", "CMA, language-blind", "CMA, vision-blind"
 
 def tables(training_scenes: int) -> Mapping[int, Table]:
     """Return all tables by number; data of `training_scenes` scenes is all data."""
-    made = (_senses(), gap(), controller(), embodiments(), _light(), _camera())
+    made = (_senses(), gap_table(), controller_table(), mixtures_table(), _light(), _camera())
     made += (_amount(training_scenes), _humanoid(), _scan())
     return {table.number: table for table in made}
 

@@ -193,3 +193,8 @@ class Table:
     def row(self, label: str) -> Row:
         """Return the row with a label."""
         return next(row for row in self.rows if row.label == label)
+
+
+# What most tables train, and the humanoid's data and test.
+FULL = Training()
+H1_DATA, H1 = ("h1/speed",), Test("h1", "speed")

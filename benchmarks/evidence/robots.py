@@ -1,13 +1,11 @@
 """The tables about robots: gap between flash and physics, locomotion, data of several robots."""
 
-from benchmarks.evidence.records import BODYLESS, Claim, Row, Table, Test, Training
+from benchmarks.evidence.records import BODYLESS, FULL, H1_DATA, Claim, Row, Table, Test, Training
 
 ROBOTS = ("h1", "aliengo", "jetbot")
-H1_DATA, H1 = ("h1/speed",), Test("h1", "speed")
-FULL = Training()
 
 
-def gap() -> Table:
+def gap_table() -> Table:
     """Return the table of models trained on flash data and tested on robots."""
     flash, shown = "flash, bodyless", {"h1": "H1", "aliengo": "Aliengo", "jetbot": "Jetbot"}
     rows = (
@@ -33,7 +31,7 @@ def gap() -> Table:
     return Table(2, "Trained on flash data, tested on robots", rows, tuple(claims), paper)
 
 
-def controller() -> Table:
+def controller_table() -> Table:
     """Return the table of training and testing with and without locomotion."""
     data = {"flash": "without", "speed": "with"}
     trained = {name: Training((f"h1/{name}",)) for name in data}
@@ -71,7 +69,7 @@ def controller() -> Table:
     return Table(3, "Training and testing with and without locomotion", tuple(rows), claims, paper)
 
 
-def embodiments() -> Table:
+def mixtures_table() -> Table:
     """Return the table of data of several robots, each tested on every robot."""
     own = {name: (f"{name}/speed",) for name in ROBOTS}
     three = tuple(f"{name}/speed" for name in ROBOTS)

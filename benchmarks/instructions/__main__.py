@@ -3,7 +3,7 @@
 
 The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; generated buildings that
 are missing there need no scan. Each RUN is a folder with scenes/<scene>,
-episodes/<scene>.json.gz and facts/<scene>.seen.jsonl, as `vlnpe collect` writes them; follower and
+episodes/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; follower and
 composer are measured on it.
 """
 

@@ -122,8 +122,10 @@ def _entries(
     bundle: SceneBundle | None = None,
 ) -> list[Entry]:
     episodes = [_episode(path, scene_id) for path in paths]
-    eye = StandingEye(get_robot("aliengo"))
-    sight = Visibility(eye.described(), dict(look(bundle, episodes, eye))) if bundle else None
+    sight = None
+    if bundle:
+        eye = StandingEye(get_robot("aliengo"))
+        sight = Visibility(eye.described(), dict(look(bundle, episodes, eye)))
     return [
         Entry(
             path["id"],

@@ -1,4 +1,4 @@
-"""Visibility along a path: rendered ids counted per moment and object, as JSON Lines on disk.
+"""Visibility along a path: rendered ids counted per moment and object, as JSON on disk.
 
 The pipeline renders them (the renderer lives in `collectors`), the instruction stage reads them.
 """
@@ -14,7 +14,7 @@ from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
 
 VISIBILITY_VERSION = 2
-_ID = "trajectory_id"
+_PATHS, _END = '"paths":{', "}}"
 
 
 @dataclass(frozen=True)
@@ -86,21 +86,26 @@ def visibility_writer(
 ) -> Iterator[Callable[[str, PathSight], None]]:
     """Yield a function that writes one path's sight by its trajectory id; the file is atomic.
 
-    JSON Lines: the first says version and camera, each other one is a path. No more than one path
-    is held in memory.
+    No more than one path is held in memory: the file is one JSON object with a line for each.
     """
-    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8") as lines:
+    with atomic_file(path) as temporary, temporary.open("w", encoding="utf-8") as out:
+        head = _json({"format_version": VISIBILITY_VERSION, "camera": asdict(camera)})
+        out.write(head[:-1] + "," + _PATHS)
+        between = "\n"
 
         def write(trajectory_id: str, sight: PathSight) -> None:
+            nonlocal between
             glimpses = [
                 [g.thing, round(g.along_m, 3), g.pixels, round(g.occluded, 3), list(g.rgb)]
                 for g in sight.glimpses
             ]
             looks = [round(along, 3) for along in sight.looks_m]
-            lines.write(_line({_ID: trajectory_id, "looks_m": looks, "glimpses": glimpses}))
+            one = _json({"looks_m": looks, "glimpses": glimpses})
+            out.write(f"{between}{_json(trajectory_id)}:{one}")
+            between = ",\n"
 
-        lines.write(_line({"format_version": VISIBILITY_VERSION, "camera": asdict(camera)}))
         yield write
+        out.write(f"\n{_END}\n")
 
 
 def read_visibility(path: Path, *more: Path) -> Visibility:
@@ -116,18 +121,18 @@ def read_visibility(path: Path, *more: Path) -> Visibility:
     return Visibility(parts[0][0], _Encoded(lines))
 
 
-def _read(path: Path) -> tuple[SightCamera, dict[str, bytes]]:
+def _read(path: Path) -> tuple[SightCamera, dict[str, str]]:
     try:
-        with path.open("rb") as lines:
-            head: dict[str, Any] = json.loads(next(lines, b""))
-            if head["format_version"] != VISIBILITY_VERSION:
-                version = head["format_version"]
-                raise FileFormatError(
-                    path, f"version {version}; this code reads {VISIBILITY_VERSION}"
-                )
-            camera = SightCamera(**head["camera"])
-            # Decoded once here, so that damage is found now; kept as text, which is a tenth.
-            return camera, {_decoded(line)[0]: line for line in lines}
+        first, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
+        head: dict[str, Any] = json.loads(first + _END if first.endswith(_PATHS) else first)
+        if head["format_version"] != VISIBILITY_VERSION:
+            version = head["format_version"]
+            raise FileFormatError(path, f"version {version}; this code reads {VISIBILITY_VERSION}")
+        camera = SightCamera(**head["camera"])
+        if lines[-1] != _END:
+            raise FileFormatError(path, "it is cut short")
+        # Decoded once here, so that damage is found now; kept as text, which is a tenth.
+        return camera, {_decoded(line)[0]: line for line in lines[:-1]}
     except OSError as error:
         raise FileFormatError(path, f"cannot be read: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
@@ -135,9 +140,9 @@ def _read(path: Path) -> tuple[SightCamera, dict[str, bytes]]:
 
 
 class _Encoded(Mapping[str, PathSight]):
-    """Sights by trajectory id, as lines of JSON until they are asked for."""
+    """Sights by trajectory id, as JSON until they are asked for."""
 
-    def __init__(self, lines: Mapping[str, bytes]):
+    def __init__(self, lines: Mapping[str, str]):
         self._lines = lines
 
     def __getitem__(self, key: str) -> PathSight:
@@ -150,14 +155,14 @@ class _Encoded(Mapping[str, PathSight]):
         return len(self._lines)
 
 
-def _line(document: Mapping[str, Any]) -> str:
-    return json.dumps(document, separators=(",", ":")) + "\n"
+def _json(value: object) -> str:
+    return json.dumps(value, separators=(",", ":"))
 
 
-def _decoded(line: bytes) -> tuple[str, PathSight]:
-    one = json.loads(line)
+def _decoded(line: str) -> tuple[str, PathSight]:
+    ((trajectory_id, one),) = json.loads("{" + line.removesuffix(",") + "}").items()
     glimpses = tuple(
         Glimpse(thing, along, pixels, occluded, (rgb[0], rgb[1], rgb[2]))
         for thing, along, pixels, occluded, rgb in one["glimpses"]
     )
-    return one[_ID], PathSight(tuple(one["looks_m"]), glimpses)
+    return trajectory_id, PathSight(tuple(one["looks_m"]), glimpses)

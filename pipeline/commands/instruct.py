@@ -114,7 +114,8 @@ def run(options: Instruct) -> int:
     if not options.json:
         new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
         told = [e for e in read_episodes(out) if e.trajectory_id in new][: max(0, options.show)]
-        _show(told, job)
+        if told:
+            _show(told, job)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
         sys.stdout.writelines(sight.naming_report(naming.values()))
         for label, count in made["unnamed_labels"].items():
@@ -139,7 +140,7 @@ def _part(root: Path, scene: str) -> Path:
 
 def _show(episodes: Sequence[Episode], job: InstructJob) -> None:
     """Print the map and the texts of episodes."""
-    levels, sight = Levels(job.scenes), read_sights(job.seen) if episodes else None
+    levels, sight = Levels(job.scenes), read_sights(job.seen)
     for episode in episodes:
         facts = path_facts(episode, levels.of(episode), sight)
         sys.stdout.write(show_path(episode, facts) + "\n\n")

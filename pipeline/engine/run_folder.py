@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from ...formats.core.errors import InputError
 
-_SEEN = ".seen.jsonl"
+_SEEN = ".seen.json"
 MINIMUM_FREE_BYTES = 256 * 1024**2
 
 

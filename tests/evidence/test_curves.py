@@ -6,8 +6,8 @@ import pytest
 
 from benchmarks.evidence.figures import figures
 from benchmarks.evidence.judge import METRICS
-from benchmarks.evidence.plan import FULL, H1_DATA, tables
-from benchmarks.evidence.records import Training
+from benchmarks.evidence.plan import tables
+from benchmarks.evidence.records import FULL, H1_DATA, Training
 from tests.evidence.test_evidence import texts
 
 PAIR = ("h1/speed", "aliengo/speed")

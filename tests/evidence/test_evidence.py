@@ -16,8 +16,8 @@ from benchmarks.evidence import cells, digest
 from benchmarks.evidence.figures import figures
 from benchmarks.evidence.judge import METRICS
 from benchmarks.evidence.page import page
-from benchmarks.evidence.plan import FULL, tables
-from benchmarks.evidence.records import Claim, Row, Table, Test, Training
+from benchmarks.evidence.plan import tables
+from benchmarks.evidence.records import FULL, Claim, Row, Table, Test, Training
 from tests.collectors.test_replay import make_episode
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.formats.core.errors import InputError

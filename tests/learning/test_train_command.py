@@ -93,6 +93,10 @@ def test_dagger_goes_on_with_corrected_walks(
     (files[1].parent / "done").unlink()
     assert main([*call, "--json"]) == 0
     assert files[0].stat().st_mtime_ns == times[0] and files[1].read_bytes() == content
+    capsys.readouterr()
+    # Another number of walks would be other walks of the same names.
+    assert main([*call[:-1], "1"]) == 2
+    assert "other settings" in capsys.readouterr().err
     files[0].write_bytes(b"no walk")
     with pytest.raises(FileFormatError, match="0000"):
         CorrectedEpisodes(files, card.tokens, card.config)[0]

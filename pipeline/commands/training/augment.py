@@ -25,8 +25,8 @@ from ...options.training import Train
 
 logger = logging.getLogger(__name__)
 
-DONE = "done"  # file that says that all walks were made
-_MADE_BY, _EPISODES = "made_by.json", "episodes.json.gz"
+MADE_BY = "made_by.json"  # file of the settings that a folder's walks were made with
+_EPISODES = "episodes.json.gz"
 
 
 def more_episodes(
@@ -53,17 +53,16 @@ def more_episodes(
         )
     made_by = {
         "augment": options.augment,
-        "robot": [robot.name, robot.content_sha256],
-        "controller": options.controller,
+        **walker(options),
         "seed": seed,
         "size_px": planned.config.size_px,
         "view": asdict(planned.view),
         "lights": list(planned.every("light")),
         "episodes": [s.selection.digest for s in planned.plan.sources],
     }
+    check_made_by(folder, made_by)
     file = folder / _EPISODES
     if file.is_file():
-        _check(folder / _MADE_BY, made_by)
         return read_episodes(file), scenes
     held = planned.holdout.trajectories
     avoid = [
@@ -90,7 +89,7 @@ def more_episodes(
         logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)
     if not texts.episodes:
         raise InputError("--augment: no further path was found in the training's scenes")
-    write_json(folder / _MADE_BY, made_by)
+    write_json(folder / MADE_BY, made_by)
     write_episodes(file, texts.episodes)
     return texts.episodes, scenes
 
@@ -112,9 +111,15 @@ def _sampled(
     ]
 
 
-def _check(file: Path, made_by: Mapping[str, Any]) -> None:
-    """Raise FileFormatError if the episodes beside `file` were made with other settings."""
-    if read_json(file) != made_by:
-        raise FileFormatError(
-            file, "augmented with other settings or data; use another output folder"
-        )
+def walker(options: Train) -> dict[str, Any]:
+    """Return what sets the robot that walks apart from others, for `made_by.json`."""
+    (robot,) = chosen_robots(options.robot)
+    return {"robot": [robot.name, robot.content_sha256], "controller": options.controller}
+
+
+def check_made_by(folder: Path, made_by: Mapping[str, Any]) -> None:
+    """Raise FileFormatError if walks in a folder were made with other settings, or unknown ones."""
+    file = folder / MADE_BY
+    known = read_json(file) if file.is_file() else made_by
+    if known != made_by or (not file.is_file() and any(folder.glob("*.npz"))):
+        raise FileFormatError(file, "walked with other settings or data; use another output folder")

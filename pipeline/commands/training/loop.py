@@ -1,9 +1,10 @@
 """What a training does in closed loop: validation, augmentation, and DAgger."""
 
 import logging
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ....evaluation.episode import closed_loop
 from ....evaluation.learned import LearnedPolicy
 from ....evaluation.observation import Eye
 from ....evaluation.rounds import Round, spread
-from ....formats.core.atomic import write_bytes
+from ....formats.core.atomic import write_bytes, write_json
 from ....formats.core.episode import Episode
 from ....formats.core.errors import InputError
 from ....formats.core.progress import progress_bar
@@ -30,7 +31,7 @@ from ...inputs.crews import chosen_robots
 from ...inputs.episodes import asked_episodes
 from ...inputs.views import chosen_views
 from ...options.training import Train
-from .augment import DONE, more_episodes
+from .augment import MADE_BY, check_made_by, more_episodes, walker
 from .missing import run_of
 
 logger = logging.getLogger(__name__)
@@ -115,7 +116,13 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
 
 
 def dagger(options: Train, request: Request, result: Result) -> Result:
-    """Let each model walk, and go on training with the expert's corrections of all rounds."""
+    """Let each model walk, and go on training with the expert's corrections of all rounds.
+
+    An interrupted round is taken up where it stopped.
+
+    Raises:
+        FileFormatError: the walks of a round, in <out>/dagger-N/walks, are of other settings.
+    """
     files: list[Path] = []
     for number in range(1, options.dagger + 1):
         folder = options.out / f"dagger-{number}"
@@ -123,7 +130,7 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
         held_out = frozenset(checkpoint.card.held_out["trajectories"])
         walks = _Walks(options, None).round(checkpoint.card, options.dagger_episodes, held_out)
         # The expert's share halves from round to round, as in VLN-CE.
-        files += _corrections(folder / "walks", walks, checkpoint, 0.5**number)
+        files += _corrections(folder / "walks", walks, checkpoint, 0.5**number, walker(options))
         request = replace(
             request,
             out=folder,
@@ -136,8 +143,23 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
 
 
 def _corrections(
-    folder: Path, walks: Round, checkpoint: Checkpoint, expert_share: float
+    folder: Path,
+    walks: Round,
+    checkpoint: Checkpoint,
+    expert_share: float,
+    walker: Mapping[str, Any],
 ) -> tuple[Path, ...]:
+    made_by = {
+        **walker,
+        "checkpoint": checkpoint.sha256,
+        "expert_share": expert_share,
+        "view": asdict(checkpoint.card.view),
+        "lights": list(checkpoint.card.lights),
+        "episodes": [f"{e.scene_id}/{e.episode_id}" for e in walks.episodes],
+    }
+    check_made_by(folder, made_by)
+    write_json(folder / MADE_BY, made_by)
+
     def walk(number: int, world: World, eye: Eye, episode: Episode) -> Correction:
         rng = np.random.default_rng(number)
         return corrected_walk(
@@ -155,10 +177,9 @@ def _walked(
 ) -> tuple[Path, ...]:
     """Walk the episodes of a round, and return the files of the walks that are not None.
 
-    Those that are there already are not made again.
+    Walks whose file is there are not made again, and none is once all were made.
     """
-    done = folder / DONE
-    folder.mkdir(parents=True, exist_ok=True)
+    done = folder / "done"
     count = len(walks.episodes)
     with progress_bar(label, count, initial=count * done.is_file()) as bar:
         for number, start in enumerate(() if done.is_file() else walks.starts()):

@@ -71,10 +71,10 @@ def look(
     bundle: SceneBundle, episodes: Iterable[Episode], eye: "StandingEye"
 ) -> Iterator[tuple[str, PathSight]]:
     """Render ids along the reference paths; yield each trajectory's id with what is seen."""
-    # Where nothing has a name, or nothing is asked, a renderer would be built for nothing.
     paths: dict[str, NDArray[np.float64]] = {}
     for episode in episodes:
         paths.setdefault(episode.trajectory_id, episode.reference_path_world_m)
+    # Where nothing has a name, or nothing is asked, a renderer would be built for nothing.
     if not paths or all(":" in thing.category for thing in bundle.objects):
         return
     camera, renderer = eye.camera, make_renderer(bundle)

@@ -31,7 +31,7 @@ def written(path: Path) -> Path:
 
 def test_every_path_is_read_back(tmp_path: Path):
     """Camera, ids with line breaks, and a path that sees nothing."""
-    found = read_visibility(written(tmp_path / "a.seen.jsonl"))
+    found = read_visibility(written(tmp_path / "a.seen.json"))
     assert found.camera == CAMERA
     assert dict(found.paths) == SIGHTS
     assert found.paths.get("8") is None
@@ -45,15 +45,29 @@ def test_nothing_is_left_of_a_record_whose_writer_fails(tmp_path: Path):
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize("line", [0, 1, 2])
-@pytest.mark.parametrize("damage", ["cut", "list", "text"])
+def test_the_file_is_one_json_object(tmp_path: Path):
+    """Whoever holds all of it in memory needs no reader of ours."""
+    document = json.loads(written(tmp_path / "a.seen.json").read_text())
+    assert document["camera"]["robot"] == "h1"
+    assert document["paths"]["7"]["glimpses"] == [["sofa-1", 0.5, 120, 0.25, [200, 10, 30]]]
+    with visibility_writer(tmp_path / "none.seen.json", CAMERA):
+        pass
+    assert json.loads((tmp_path / "none.seen.json").read_text())["paths"] == {}
+    assert not read_visibility(tmp_path / "none.seen.json").paths
+
+
+@pytest.mark.parametrize("line", [0, 1, 2, 3])
+@pytest.mark.parametrize("damage", ["cut", "list", "text", "end"])
 def test_damage_in_any_line_is_found_when_the_file_is_read(tmp_path: Path, line: int, damage: str):
-    """Not only when the damaged path is asked for."""
-    path = written(tmp_path / "a.seen.jsonl")
+    """Not only when the damaged path is asked for; nor may a path be missing without a word."""
+    path = written(tmp_path / "a.seen.json")
     lines = path.read_text().splitlines()
-    lines[line] = {"cut": lines[line][:-9], "list": "[]", "text": json.dumps("?")}[damage]
+    if damage == "end":
+        del lines[line:]
+    else:
+        lines[line] = {"cut": lines[line][:-9], "list": "[]", "text": json.dumps("?")}[damage]
     path.write_text("\n".join(lines))
-    with pytest.raises(FileFormatError, match=r"a\.seen\.jsonl"):
+    with pytest.raises(FileFormatError, match=r"a\.seen\.json"):
         read_visibility(path)
 
 
