@@ -153,8 +153,9 @@ weights are fetched:
   which; only `success` is one. `action.discrete` is what a VLN-CE expert would do at each
   pose; `action_discrete_derived` tells that it was not executed, for the controller is continuous.
   To train on steps of 0.25 m and 15° that lead along the robot's path, take discrete steps
-  (`vlnpe.formats.rendered.discrete_steps`, as `EpisodeSequences` does), not each frame's label; see
-  vlnpe's `docs/data.md`, section "Discrete actions".
+  (`discrete_steps(planar_poses(states))` of `vlnpe.formats.rendered.discrete_steps`, as
+  `EpisodeSequences` does), not each frame's label; see vlnpe's `docs/data.md`, section "Discrete
+  actions".
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and
   goal in the world, metrics, controller, light and camera intrinsics.
 

@@ -48,11 +48,12 @@ def planar_poses(state: NDArray) -> NDArray[np.float64]:
 
 
 def total_turning(yaw_rad: NDArray[np.float64]) -> float:
-    """Return the sum of all swings [rad] of an unwrapped heading (N,), N ≥ 1.
+    """Return the sum of all swings [rad] of a heading (N,), N ≥ 1, wrapped or not.
 
     A swing is a change between two extremes of at least one turn action; what is smaller, as a
     gait's sway, belongs to the swing around it.
     """
+    yaw_rad = np.unwrap(yaw_rad)
     least = TURN_STEP_RAD - 1e-6
     total, low, high = 0.0, float(yaw_rad[0]), float(yaw_rad[0])
     sense = 0

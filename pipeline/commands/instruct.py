@@ -113,7 +113,8 @@ def run(options: Instruct) -> int:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
         new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
-        told = [e for e in read_episodes(out) if e.trajectory_id in new][: max(0, options.show)]
+        told = sorted(read_episodes(out), key=lambda e: e.trajectory_id not in new)
+        told = told[: max(0, options.show)]
         if told:
             _show(told, job)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())

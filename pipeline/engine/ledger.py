@@ -82,7 +82,8 @@ class Ledger:
         for folder in (root, root.absolute().parent):
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
-        raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing)")
+        missing = f"not a run folder ({MANIFEST_NAME} is missing)"
+        raise FileFormatError(root, missing if root.exists() else "no such folder")
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""

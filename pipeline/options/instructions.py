@@ -28,7 +28,7 @@ class Instruct(Parallel, Wording):
     facts: Path | None = None
     """Also write the facts records behind the texts, as compressed JSON."""
     show: int = 0
-    """Print a map and the texts for this many paths."""
+    """Print a map and the texts of this many paths, of those that just got texts first."""
     seed: int = 0
     """Random seed of the phrasing."""
     max_failed: int = 0

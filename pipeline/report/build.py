@@ -146,7 +146,7 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
             "anchor": name,
             "id": paths.episodes[name].episode_id,
             "split": paths.episodes[name].split,
-            "texts": len(texts_of(paths.episodes[name])),
+            "more_texts": texts_of(paths.episodes[name])[1:],
             "path": paths.episodes[name].reference_length_m,
             "shortest": paths.episodes[name].geodesic_distance_m,
             "instruction": paths.episodes[name].instruction,

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +22,7 @@ BAD = "#d1332b"
 # Distinguishable with every colour vision, on wood and on carpet (after Okabe and Ito, 2008).
 ROBOT_COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
+MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
 
 
 @dataclass(frozen=True)
@@ -94,6 +96,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
     tracks.sort(key=lambda track: track.robot)
     width = max(2.0, 0.06 * scale)
+    labelled = len({track.episode.episode_id for track in tracks}) <= MOST_LABELS
     numbers = {robot: k for k, robot in enumerate(paths.colors)}
     for track in tracks:
         number = numbers[track.robot]
@@ -111,6 +114,9 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
             continue
         seen.add((track.episode.split, track.episode.episode_id))
         title = track.episode.episode_id
+        digits = re.search(r"\d+$", title) if labelled else None
+        label = digits[0].lstrip("0")[-3:] or "0" if digits else ""
+        radius = max(1.6, 3.0 * bool(label)) * width
         reference = pixels(track.episode.reference_path_world_m[:, :2])
         lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))
         for point, tint, what in (
@@ -122,9 +128,11 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
                 {
                     "x": round(float(x), 1),
                     "y": round(float(y), 1),
-                    "r": round(1.6 * width, 1),
+                    "r": round(radius, 1),
                     "color": tint,
-                    "title": f"{what} of {track.episode.episode_id}",
+                    "title": f"{what} of {title}",
+                    "label": label,
+                    "size": round(radius * (1.5 if len(label) < 2 else 1.1), 1),
                 }
             )
     return {
@@ -134,6 +142,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         "height": mapping["height"],
         "lines": lines,
         "dots": dots,
+        "labelled": any(dot["label"] for dot in dots),
         "crosses": crosses,
         "cross_color": BAD,
     }

@@ -67,7 +67,7 @@ def collection_page() -> str:
         "split": "val_unseen",
         "path": 12.3,
         "shortest": 123.4,
-        "texts": 3,
+        "more_texts": [INSTRUCTION, INSTRUCTION],
     }
     episode |= {"instruction": INSTRUCTION, "walks": [walk]}
     lost = {"stage": "replay", "item": "aliengo/speed/exact-apartment-200-17"}
