@@ -53,7 +53,7 @@ def total_turning(yaw_rad: NDArray[np.float64]) -> float:
     A swing is a change between two extremes of at least one turn action; what is smaller, as a
     gait's sway, belongs to the swing around it.
     """
-    yaw_rad = np.unwrap(yaw_rad)
+    yaw_rad = np.unwrap(yaw_rad).astype(np.float64)
     least = TURN_STEP_RAD - 1e-6
     total, low, high = 0.0, float(yaw_rad[0]), float(yaw_rad[0])
     sense = 0
