@@ -112,11 +112,10 @@ def run(options: Instruct) -> int:
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     if not options.json:
-        new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
-        told = sorted(read_episodes(out), key=lambda e: e.trajectory_id not in new)
-        told = told[: max(0, options.show)]
-        if told:
-            _show(told, job)
+        if options.show > 0:
+            new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
+            told = sorted(read_episodes(out), key=lambda e: e.trajectory_id not in new)
+            _show(told[: options.show], job)
         sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
         sys.stdout.writelines(sight.naming_report(naming.values()))
         for label, count in made["unnamed_labels"].items():

@@ -144,15 +144,16 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
     return [
         {
             "anchor": name,
-            "id": paths.episodes[name].episode_id,
-            "split": paths.episodes[name].split,
-            "more_texts": texts_of(paths.episodes[name])[1:],
-            "path": paths.episodes[name].reference_length_m,
-            "shortest": paths.episodes[name].geodesic_distance_m,
-            "instruction": paths.episodes[name].instruction,
+            "id": episode.episode_id,
+            "split": episode.split,
+            # Its own is not the first where each text is an episode.
+            "more_texts": [text for text in texts_of(episode) if text != episode.instruction],
+            "path": episode.reference_length_m,
+            "shortest": episode.geodesic_distance_m,
+            "instruction": episode.instruction,
             "walks": walks[name],
         }
-        for name in sorted(walks)
+        for name, episode in sorted(paths.episodes.items())
     ]
 
 

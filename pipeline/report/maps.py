@@ -116,7 +116,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         title = track.episode.episode_id
         digits = re.search(r"\d+$", title) if labelled else None
         label = digits[0].lstrip("0")[-3:] or "0" if digits else ""
-        radius = max(1.6, 3.0 * bool(label)) * width
+        radius = (3.0 if label else 1.6) * width
         reference = pixels(track.episode.reference_path_world_m[:, :2])
         lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))
         for point, tint, what in (

@@ -1,10 +1,9 @@
 """What a training does in closed loop: validation, augmentation, and DAgger."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -130,7 +129,7 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
         held_out = frozenset(checkpoint.card.held_out["trajectories"])
         walks = _Walks(options, None).round(checkpoint.card, options.dagger_episodes, held_out)
         # The expert's share halves from round to round, as in VLN-CE.
-        files += _corrections(folder / "walks", walks, checkpoint, 0.5**number, walker(options))
+        files += _corrections(options, folder / "walks", walks, checkpoint, 0.5**number)
         request = replace(
             request,
             out=folder,
@@ -143,14 +142,10 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
 
 
 def _corrections(
-    folder: Path,
-    walks: Round,
-    checkpoint: Checkpoint,
-    expert_share: float,
-    walker: Mapping[str, Any],
+    options: Train, folder: Path, walks: Round, checkpoint: Checkpoint, expert_share: float
 ) -> tuple[Path, ...]:
     made_by = {
-        **walker,
+        **walker(options),
         "checkpoint": checkpoint.sha256,
         "expert_share": expert_share,
         "view": asdict(checkpoint.card.view),
