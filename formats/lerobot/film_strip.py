@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
 
 from ..video.depth_picture import depth_picture, depth_scale
 from ..video.stream import pick_frames
@@ -13,6 +14,8 @@ from .unit import EpisodeUnit
 
 EPISODES, FRAMES = 3, 6
 WIDTH_PX, GAP_PX = 160, 4
+FONT_PX, LINE_PX = 12, 16
+HEAD_PX = 2 * LINE_PX
 
 
 def shown_units(count: int) -> list[int]:
@@ -23,11 +26,14 @@ def shown_units(count: int) -> list[int]:
 def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
     """Return a PNG: per episode, of at least one, a row of colour images over one of their depth.
 
+    Above them stand the episode's name, its text, and when each image was taken.
+
     Raises:
         FileFormatError: a video is damaged.
     """
-    rows = [row for unit in units for row in (_colours(unit), _depths(unit))]
-    width = max(row.shape[1] for row in rows)
+    pictures = [(unit, _colours(unit), _depths(unit)) for unit in units]
+    width = max(depths.shape[1] for _, _, depths in pictures)
+    rows = [row for unit, *both in pictures for row in (_head(unit, width), *both)]
     sheet = np.full((sum(len(row) + GAP_PX for row in rows) - GAP_PX, width, 3), 255, np.uint8)
     top = 0
     for row in rows:
@@ -42,6 +48,21 @@ def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
 def _spread(count: int, wanted: int) -> list[int]:
     """Return up to `wanted` evenly spaced indices below `count`, the first and last included."""
     return sorted(set(np.linspace(0, count - 1, min(count, wanted)).round().astype(int).tolist()))
+
+
+def _head(unit: EpisodeUnit, width_px: int) -> NDArray[np.uint8]:
+    """Return (`HEAD_PX`, `width_px`, 3): the episode in a line, and the times of its images."""
+    image = Image.new("RGB", (width_px, HEAD_PX), "white")
+    draw = ImageDraw.Draw(image)
+    font = ImageFont.load_default(size=FONT_PX)
+    line = f"{unit.columns['episode_uid']}: {unit.task}"
+    while font.getlength(line) > width_px:
+        line = line.removesuffix("…")[:-1] + "…"
+    draw.text((0, 0), line, font=font, fill="black")
+    for k, number in enumerate(_spread(unit.length, FRAMES)):
+        time = f"{number / unit.frames_per_second:.2f} s"
+        draw.text((k * (WIDTH_PX + GAP_PX), LINE_PX), time, font=font, fill="black")
+    return np.asarray(image)
 
 
 def _colours(unit: EpisodeUnit) -> NDArray[np.uint8]:

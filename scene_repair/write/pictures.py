@@ -118,16 +118,21 @@ def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDAr
     return (image * (1 - strength)).astype(np.float32)
 
 
+def is_shown(hole: Hole) -> bool:
+    """Return whether pictures mark a gap; those under walls and outside never had a floor."""
+    return hole.fill or hole.cause not in ("wall", "outside")
+
+
 def mark_holes(
     image: NDArray[np.float32], holes: list[Hole], *, fine: GridSpec, pixels: GridSpec, before: bool
 ) -> NDArray[np.float32]:
-    """Overlay holes: hatched red areas before the repair, green outlines after it.
+    """Overlay `is_shown` holes: hatched red areas before the repair, green outlines after it.
 
     Gaps that stay open are hatched grey in both.
     """
     number = np.zeros(fine.shape, dtype=np.uint8)
     for hole in holes:
-        if hole.fill or hole.cause not in ("wall", "outside"):
+        if is_shown(hole):
             number[hole.window][hole.cells] = 1 if hole.fill else 2
     under = zip(fine.under(pixels), fine.shape, strict=True)
     kind = number[np.ix_(*(np.clip(cell, 0, n - 1) for cell, n in under))]

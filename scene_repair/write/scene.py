@@ -37,7 +37,16 @@ from ..scan.record import Scan, ScanMaterial
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import describe_level, doubts, repair_titles
-from .pictures import GREEN, GREY, RED, mark_holes, text_scale, view_from_above, write_picture
+from .pictures import (
+    GREEN,
+    GREY,
+    RED,
+    is_shown,
+    mark_holes,
+    text_scale,
+    view_from_above,
+    write_picture,
+)
 from .textures import write_materials
 
 # The pictures: free space around the floor, and limits of their size.
@@ -203,14 +212,16 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
         )
         for f, level in zip(floors, repaired.levels, strict=True)
     ]
-    filled = sum(h.fill for f in floors for h in f.holes)
+    holes = [hole for f in floors for hole in f.holes]
+    filled = sum(hole.fill for hole in holes)
+    left_open = any(is_shown(hole) and not hole.fill for hole in holes)
     cracks = sum(len(f.cracks) for f in floors)
     patched_m2 = sum(f.patch_area_m2 for f in floors)
     missing, added = repair_titles(filled, cracks, patched_m2)
-    gaps = ("left open", GREY)
+    gaps = [("left open", GREY)] if left_open else []
     heads = {
-        "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), gaps]),
-        "after": (f"{scene_id}: repaired, {added}", [("floor added", GREEN), gaps]),
+        "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), *gaps]),
+        "after": (f"{scene_id}: repaired, {added}", [("floor added", GREEN), *gaps]),
     }
     text = min(text_scale(pixels, *head) for head in heads.values())  # they stand side by side
     for k, (name, head) in enumerate(heads.items()):
