@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..facts.doors import DOOR
 from ..facts.records import PassageFact, PathFacts, TurnFact
 from .refer import Reference, passing_candidates, stop_candidates, turn_marker
 
 TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
-CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes them
+CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
 HINT_DEG = 30.0
 _WEAVING_M = 2.0
 _LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
@@ -19,6 +20,7 @@ _ROUND_DEG = 140.0
 _JUST_INSIDE_M = 2.0
 _FAR_AHEAD_M = 2.5
 _PAST_M = 2.5
+_IN_DOORWAY_M = 0.5
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 
 
@@ -121,13 +123,20 @@ def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
         lonely = all(
             abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
         )
-        undone = any(
-            other.side != turn.side
+        undoing = [
+            other
+            for other in facts.turns
+            if other.side != turn.side
             and abs(other.along_m - turn.along_m) <= _WEAVING_M
             and abs(other.angle_deg) >= HINT_DEG
-            for other in facts.turns
+        ]
+        # The other one is not clear and stays untold: this side alone would mislead.
+        balanced = any(
+            TELL_DEG <= abs(other.angle_deg) < CLEAR_DEG
+            and abs(turn.angle_deg + other.angle_deg) < HINT_DEG
+            for other in undoing
         )
-        clear = size >= CLEAR_DEG or (size >= TELL_DEG and not undone)
+        clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
         if clear or (small and lonely and turn.along_m > 1.0):
             result.append((k, turn))
     return result
@@ -278,6 +287,9 @@ def _room_at(facts: PathFacts, along_m: float) -> str:
 
 def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     length = facts.length_m
+    if _stops_in_doorway(facts):
+        # What is ahead lies in the next room, which the path does not enter.
+        return Step("stop", length, place="outside", room=facts.goal_rooms[0])
     options = stop_candidates(facts, rng, taste.colours)
     if options:
         mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
@@ -303,6 +315,16 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
     if passed:
         return Step("stop", length, mark=passed[0], place="past", room=facts.goal_room)
     return Step("stop", length, place="after", far_m=1.0)
+
+
+def _stops_in_doorway(facts: PathFacts) -> bool:
+    """Return whether the path stops in the doorway of a room that it was not in."""
+    new = set(facts.goal_rooms) - {visit.room for visit in facts.visits}
+    doors = (mark for mark in facts.landmarks if mark.noun == DOOR)
+    return (
+        len(facts.goal_rooms) == len(new) == 1
+        and min((door.goal_distance_m for door in doors), default=np.inf) <= _IN_DOORWAY_M
+    )
 
 
 def _faces(mark: Reference, other: Reference) -> bool:

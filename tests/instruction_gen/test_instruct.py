@@ -16,8 +16,10 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES
+from vlnpe.instruction_gen.composer.steps import mentioned_turns
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
+from vlnpe.instruction_gen.facts.records import TurnFact
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.language.nouns import noun_of, spoken
 from vlnpe.instruction_gen.records import InstructConfig
@@ -105,6 +107,23 @@ def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
         ground = Ground(facts_of(EAST, two_rooms, yaw=np.pi))
         got, _ = compose_texts(ground, 1, ("natural",), np.random.default_rng(seed))
         assert "around" in got[0].text.split(".")[0].lower()
+
+
+def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms):
+    for seed in range(8):
+        (text,) = texts_of([(1.0, 2.0), (3.0, 2.0), (3.9, 2.0)], two_rooms, seed)
+        assert "living room" in text.split(".")[-2], text
+        assert "sofa" not in text, text
+
+
+@pytest.mark.parametrize(
+    ("angles_deg", "told"),
+    [((-42, 54), ()), ((42, -54), ()), ((-60, 54), (0, 1)), ((-42, 80), (1,)), ((45, 54), (0, 1))],
+)
+def test_a_turn_that_another_undoes_is_told_with_it_or_not_at_all(two_rooms, angles_deg, told):
+    turns = tuple(TurnFact(along_m=3.0 + k, angle_deg=angle) for k, angle in enumerate(angles_deg))
+    facts = replace(facts_of(EAST, two_rooms), turns=turns, length_m=9.0)
+    assert tuple(k for k, _ in mentioned_turns(facts)) == told
 
 
 def test_things_that_the_checker_counts_otherwise_are_left_unsaid():
