@@ -10,12 +10,16 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.replay import ReplayConfig
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
+from .. import jobs
 from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
 from ..inputs.crews import action_timing, kept
 from ..stages import export, instruct, render, replay, sight, together
 from .run import Run
+
+# What a worker imports that takes an episode through all stages.
+MODULES = tuple(f"{jobs.__name__}.{name}" for name in ("replay", "render", "export", "mcap"))
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules
-from ..chain import episodes
+from ..chain import episodes, rollouts
 from ..chain.rollouts import Product, collect, select_current
 from ..chain.run import Run
 from ..engine.context import open_context
@@ -75,6 +75,8 @@ def run(options: Collect) -> int:
     with open_context(
         options.out or Path("runs") / _run_name(options, sources), options
     ) as context:
+        if not options.only_episodes:
+            context.workers.expect(rollouts.MODULES)
         folder = RunFolder(context.ledger.root)
         keep_all(robots, context.ledger)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)

@@ -1,11 +1,12 @@
 """Where the items of a stage run: worker processes of this machine, or of a cluster."""
 
 import contextlib
+import importlib
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -66,6 +67,9 @@ class Executor:
         """
         raise NotImplementedError
 
+    def expect(self, modules: Sequence[str]) -> None:
+        """Say which modules later items need; workers without work may import them beforehand."""
+
     def flush(self) -> None:
         """Start what has been submitted; where items start at once, there is nothing to do."""
 
@@ -123,6 +127,11 @@ class Workers(Executor):
         """Set the number of processes, at least 1; none is started yet."""
         self.count = self.cores = count
         self._pool: ProcessPoolExecutor | None = None
+        self._expected: tuple[str, ...] = ()
+
+    def expect(self, modules: Sequence[str]) -> None:
+        """Let the workers that the first item leaves idle start and import while it runs."""
+        self._expected = tuple(modules)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run `function(*arguments)` in a worker."""
@@ -132,7 +141,12 @@ class Workers(Executor):
                 self.count, mp_context=context, initializer=_lead_and_watch
             )
         with without_interrupts():
-            return self._pool.submit(function, *arguments)
+            future = self._pool.submit(function, *arguments)
+            if self._expected:
+                for _ in range(self.count - 1):
+                    self._pool.submit(_import, self._expected)
+                self._expected = ()
+        return future
 
     def restart(self) -> None:
         """Replace a pool whose worker died."""
@@ -166,6 +180,11 @@ class Workers(Executor):
             self.close()
         else:
             self.kill()
+
+
+def _import(modules: Sequence[str]) -> None:
+    for name in modules:
+        importlib.import_module(name)
 
 
 def _lead_and_watch() -> None:

@@ -38,6 +38,15 @@ def item(root: Path, name: str, text: str = "hello", key: str = "k") -> WorkItem
     return WorkItem(name, key, (path,), work.Call(work.write, (path, text)))
 
 
+def test_idle_workers_import_what_is_expected_while_the_first_item_runs(tmp_path):
+    with Workers(2) as pool:
+        pool.expect(["colorsys"])
+        first = pool.submit(work.imported, "colorsys", tmp_path / "go on")
+        assert pool.submit(work.imported, "colorsys").result(timeout=60)
+        (tmp_path / "go on").touch()
+        assert not first.result(timeout=60)
+
+
 def test_second_run_reuses_everything_and_a_changed_key_redoes_one(tmp_path, workers):
     first = run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a"), item(tmp_path, "b")])
     assert (first.done, first.reused) == (2, 0)

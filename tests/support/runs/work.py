@@ -1,6 +1,7 @@
 """Jobs and workers for tests of the runner; at module level, because workers are spawned."""
 
 import os
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -42,6 +43,13 @@ def write(path: Path, text: str) -> ItemResult:
     with atomic_file(path) as temporary:
         temporary.write_text(text)
     return ItemResult({"length": len(text)}, failed=text == "fell")
+
+
+def imported(name: str, once: Path | None = None) -> bool:
+    """Return whether this worker has a module, as soon as the file `once` is there."""
+    while once is not None and not once.exists():
+        time.sleep(0.05)
+    return name in sys.modules
 
 
 def refuse(path: Path) -> ItemResult:
