@@ -73,13 +73,14 @@ def _senses() -> Table:
 
 
 def _light() -> Table:
-    models = {"RGB-D": FULL, "RGB only": RGB_ONLY, "depth only": DEPTH_ONLY}
+    models = {"RGB-D": FULL, "RGB only": RGB_ONLY}
     lights = ("DL5000", "DL300", "CL")
     rows = [
         Row(f"{name}, {light}", training, Test(light=light))
         for name, training in models.items()
         for light in lights
     ]
+    rows.append(Row("depth only, any light", DEPTH_ONLY))
     claims = [
         Claim(f"{name} loses SR in {light}", "SR", f"{name}, DL5000", f"{name}, {light}")
         for name in ("RGB only", "RGB-D")
@@ -91,8 +92,9 @@ def _light() -> Table:
     )
     note = (
         "Trained in baked light; rows differ in the light of the test: `DL5000` day, `DL300` "
-        "night, `CL` a lamp on the agent. Without a body, a model that sees no depth goes through "
-        "walls."
+        "night, `CL` a lamp on the agent. A model that sees no colours walks the same in every "
+        "light (two seeds in day and night: 408 of 408 walks), and is tested in baked light. "
+        "Without a body, a model that sees no depth goes through walls."
     )
     return Table(5, "Light", tuple(rows), tuple(claims), paper, note)
 
