@@ -16,6 +16,7 @@ EPISODES, FRAMES = 3, 6
 WIDTH_PX, GAP_PX = 160, 4
 FONT_PX, LINE_PX = 12, 16
 HEAD_PX = 2 * LINE_PX
+LATIN_END, PUNCTUATION = 0x250, range(0x2000, 0x2070)  # what the font has letters for
 
 
 def shown_units(count: int) -> list[int]:
@@ -26,7 +27,8 @@ def shown_units(count: int) -> list[int]:
 def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
     """Return a PNG: per episode, of at least one, a row of colour images over one of their depth.
 
-    Above them stand the episode's name, its text, and when each image was taken.
+    Above them stand the episode's name, its text if that is in Latin letters, and when each image
+    was taken.
 
     Raises:
         FileFormatError: a video is damaged.
@@ -55,7 +57,10 @@ def _head(unit: EpisodeUnit, width_px: int) -> NDArray[np.uint8]:
     image = Image.new("RGB", (width_px, HEAD_PX), "white")
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(size=FONT_PX)
-    line = f"{unit.columns['episode_uid']}: {unit.task}"
+    line = str(unit.columns["episode_uid"])
+    if all(ord(c) < LATIN_END or ord(c) in PUNCTUATION for c in unit.task):
+        line += ": " + " ".join(unit.task.split())
+    line = line[:width_px]  # no letter is narrower than a pixel
     while font.getlength(line) > width_px:
         line = line.removesuffix("…")[:-1] + "…"
     draw.text((0, 0), line, font=font, fill="black")

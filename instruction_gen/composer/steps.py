@@ -123,23 +123,29 @@ def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
         lonely = all(
             abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
         )
-        undoing = [
-            other
-            for other in facts.turns
-            if other.side != turn.side
-            and abs(other.along_m - turn.along_m) <= _WEAVING_M
-            and abs(other.angle_deg) >= HINT_DEG
-        ]
+        undoing = _opposed(facts, turn)
         # The other one is not clear and stays untold: this side alone would mislead.
         balanced = any(
             TELL_DEG <= abs(other.angle_deg) < CLEAR_DEG
             and abs(turn.angle_deg + other.angle_deg) < HINT_DEG
+            and _opposed(facts, other) == [turn]
             for other in undoing
         )
         clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
         if clear or (small and lonely and turn.along_m > 1.0):
             result.append((k, turn))
     return result
+
+
+def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
+    """Return the turns to the other side that are near enough to undo one."""
+    return [
+        other
+        for other in facts.turns
+        if other.side != turn.side
+        and abs(other.along_m - turn.along_m) <= _WEAVING_M
+        and abs(other.angle_deg) >= HINT_DEG
+    ]
 
 
 def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[str]) -> list[Step]:
@@ -318,11 +324,12 @@ def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
 
 
 def _stops_in_doorway(facts: PathFacts) -> bool:
-    """Return whether the path stops in the doorway of a room that it was not in."""
-    new = set(facts.goal_rooms) - {visit.room for visit in facts.visits}
+    """Return whether the path stops in the doorway of a room that is new and alone of its kind."""
+    if len(facts.goal_rooms) != 1 or facts.goal_rooms[0] in (v.room for v in facts.visits):
+        return False
     doors = (mark for mark in facts.landmarks if mark.noun == DOOR)
     return (
-        len(facts.goal_rooms) == len(new) == 1
+        facts.visits[-1].beyond.count(facts.goal_rooms[0]) <= 1
         and min((door.goal_distance_m for door in doors), default=np.inf) <= _IN_DOORWAY_M
     )
 

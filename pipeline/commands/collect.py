@@ -75,8 +75,8 @@ def run(options: Collect) -> int:
     with open_context(
         options.out or Path("runs") / _run_name(options, sources), options
     ) as context:
-        if not options.only_episodes:
-            context.workers.expect(rollouts.MODULES)
+        if not (episode_files or options.only_episodes):
+            context.workers.expect(count * len(sources), rollouts.MODULES)
         folder = RunFolder(context.ledger.root)
         keep_all(robots, context.ledger)
         widest = max(robots, key=lambda robot: robot.footprint_radius_m)

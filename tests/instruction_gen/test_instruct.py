@@ -16,7 +16,7 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES
-from vlnpe.instruction_gen.composer.steps import mentioned_turns
+from vlnpe.instruction_gen.composer.steps import mentioned_turns, plan
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.facts.records import TurnFact
@@ -109,16 +109,32 @@ def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
         assert "around" in got[0].text.split(".")[0].lower()
 
 
-def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms):
+@pytest.mark.parametrize(("beyond", "place"), [(1, "outside"), (2, "front")])
+def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms, beyond, place):
+    """And by a thing ahead, if there are two such rooms."""
+    facts = facts_of([(1.0, 2.0), (3.0, 2.0), (3.9, 2.0)], two_rooms)
+    (sofa,) = [mark for mark in facts.landmarks if mark.noun == "sofa"]
+    at_hand = {"goal_distance_m": 1.0, "goal_bearing_deg": 5.0, "goal_open": True}
+    near = replace(sofa, nameable=True, **at_hand)
+    doors = [mark for mark in facts.landmarks if mark.noun == "doorway"]
+    rooms = replace(facts.visits[-1], beyond=("living room",) * beyond)
+    facts = replace(facts, landmarks=(*doors, near), visits=(*facts.visits[:-1], rooms))
     for seed in range(8):
-        (text,) = texts_of([(1.0, 2.0), (3.0, 2.0), (3.9, 2.0)], two_rooms, seed)
-        assert "living room" in text.split(".")[-2], text
-        assert "sofa" not in text, text
+        stop = plan(facts, "natural", np.random.default_rng(seed))[-1]
+        assert stop.place == place
+        assert (stop.mark is None) == (place == "outside")
 
 
 @pytest.mark.parametrize(
     ("angles_deg", "told"),
-    [((-42, 54), ()), ((42, -54), ()), ((-60, 54), (0, 1)), ((-42, 80), (1,)), ((45, 54), (0, 1))],
+    [
+        ((-42, 54), ()),
+        ((42, -54), ()),
+        ((-60, 54), (0, 1)),
+        ((-42, 80), (1,)),
+        ((45, 54), (0, 1)),
+        ((54, -42, 60), (0, 2)),
+    ],
 )
 def test_a_turn_that_another_undoes_is_told_with_it_or_not_at_all(two_rooms, angles_deg, told):
     turns = tuple(TurnFact(along_m=3.0 + k, angle_deg=angle) for k, angle in enumerate(angles_deg))

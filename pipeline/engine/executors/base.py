@@ -7,7 +7,7 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -67,8 +67,8 @@ class Executor:
         """
         raise NotImplementedError
 
-    def expect(self, modules: Sequence[str]) -> None:
-        """Say which modules later items need; workers without work may import them beforehand."""
+    def expect(self, items: int, modules: Sequence[str]) -> None:
+        """Say how many items will need some modules; idle workers may import them beforehand."""
 
     def flush(self) -> None:
         """Start what has been submitted; where items start at once, there is nothing to do."""
@@ -127,11 +127,11 @@ class Workers(Executor):
         """Set the number of processes, at least 1; none is started yet."""
         self.count = self.cores = count
         self._pool: ProcessPoolExecutor | None = None
-        self._expected: tuple[str, ...] = ()
+        self._expected: list[tuple[str, ...]] = []
 
-    def expect(self, modules: Sequence[str]) -> None:
-        """Let the workers that the first item leaves idle start and import while it runs."""
-        self._expected = tuple(modules)
+    def expect(self, items: int, modules: Sequence[str]) -> None:
+        """Let further workers, no more than items, start and import while the first item runs."""
+        self._expected = [tuple(modules)] * (min(self.count, items) - 1)
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run `function(*arguments)` in a worker."""
@@ -142,10 +142,10 @@ class Workers(Executor):
             )
         with without_interrupts():
             future = self._pool.submit(function, *arguments)
-            if self._expected:
-                for _ in range(self.count - 1):
-                    self._pool.submit(_import, self._expected)
-                self._expected = ()
+            while self._expected:
+                modules = self._expected.pop()
+                with contextlib.suppress(BrokenExecutor):  # the item's own future tells
+                    self._pool.submit(_import, modules)
         return future
 
     def restart(self) -> None:

@@ -40,7 +40,7 @@ def item(root: Path, name: str, text: str = "hello", key: str = "k") -> WorkItem
 
 def test_idle_workers_import_what_is_expected_while_the_first_item_runs(tmp_path):
     with Workers(2) as pool:
-        pool.expect(["colorsys"])
+        pool.expect(2, ["colorsys"])
         first = pool.submit(work.imported, "colorsys", tmp_path / "go on")
         assert pool.submit(work.imported, "colorsys").result(timeout=60)
         (tmp_path / "go on").touch()
