@@ -93,8 +93,8 @@ def _light() -> Table:
     note = (
         "Trained in baked light; rows differ in the light of the test: `DL5000` day, `DL300` "
         "night, `CL` a lamp on the agent. A model that sees no colours walks the same in every "
-        "light, and is tested in baked light. "
-        "Without a body, a model that sees no depth goes through walls."
+        "light, and is tested in baked light. Without a body, a model that sees no depth goes "
+        "through walls."
     )
     return Table(5, "Light", tuple(rows), tuple(claims), paper, note)
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..language.lexicon import NUMBERS
 from . import words
-from .steps import Step
+from .records import Step
 
 _NUMBER = {n: w for w, n in NUMBERS.items()}
 _SLOT = re.compile(r"\{(\w+)\}")

@@ -1,13 +1,14 @@
 """Choose what to mention of a path, before it is put into words."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from ..facts.doors import DOOR
-from ..facts.records import PassageFact, PathFacts, TurnFact
-from .refer import Reference, passing_candidates, stop_candidates, turn_marker
+from ..facts.records import PathFacts, TurnFact
+from .records import TASTES, Step, Taste
+from .refer import Reference, passing_candidates, turn_marker
+from .stop import entered_room, stop_step
 
 TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
@@ -17,77 +18,14 @@ _LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into anoth
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
-_JUST_INSIDE_M = 2.0
 _FAR_AHEAD_M = 2.5
-_PAST_M = 2.5
-_IN_DOORWAY_M = 0.5
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
-
-
-@dataclass(frozen=True)
-class Step:
-    """One thing to mention.
-
-    Attributes:
-        kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
-            `follow`, `ahead`, `walk`, `stop`.
-        along_m: where [m].
-        side: of a turn, or of the thing passed.
-        degrees: of a turn, unsigned.
-        room: entered or followed; "" = unknown.
-        from_room: left.
-        doorway: through a doorway.
-        other: a second thing (`between`).
-        far_m: how far to walk [m].
-        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `outside`, `past`,
-            `after`.
-        covers: Turns that this step describes, as indices into the facts' turns.
-    """
-
-    kind: str
-    along_m: float
-    side: str = ""
-    degrees: float = 0.0
-    room: str = ""
-    from_room: str = ""
-    doorway: bool = False
-    mark: Reference | None = None
-    other: Reference | None = None
-    far_m: float = 0.0
-    place: str = ""
-    covers: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class Taste:
-    """How much a style mentions.
-
-    Attributes:
-        gap_m: a stretch longer than this gets a thing that is passed.
-        mark_turns: how often a turn is tied to a thing, 0 … 1.
-        sides: how often the side of a passed thing is mentioned.
-        colours: how often a known colour is mentioned.
-        most: things passed at most.
-    """
-
-    gap_m: float
-    mark_turns: float
-    sides: float
-    colours: float
-    most: int
-
-
-TASTES = {
-    "terse": Taste(4.5, 0.2, 0.3, 0.1, 1),
-    "natural": Taste(3.0, 0.35, 0.5, 0.25, 1),
-    "rich": Taste(2.0, 0.6, 0.7, 0.5, 2),
-}
 
 
 def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
     """Choose what to mention, in order, the stop last."""
     taste = TASTES[style]
-    stop = _stop(facts, rng, taste)
+    stop = stop_step(facts, rng, taste)
     named = {mark.name for mark in (stop.mark, stop.other) if mark}
     steps = _moves(facts, rng, taste, named)
     steps = _passed(steps, stop, facts, rng, taste, named)
@@ -163,7 +101,7 @@ def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[
             first = after is facts.passages[0] and after.along_m < 4.0
             step = Step(
                 "turn_enter", min(turn.along_m, after.along_m), turn.side, size,
-                _other(after), after.from_room if first else "", after.doorway, covers=(k,),
+                entered_room(after), after.from_room if first else "", after.doorway, covers=(k,),
             )  # fmt: skip
             steps.append(step)
             continue
@@ -174,7 +112,7 @@ def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[
             passages.remove(before)
             first = before is facts.passages[0] and before.along_m < 4.0
             step = Step(
-                "enter_turn", before.along_m, turn.side, size, _other(before),
+                "enter_turn", before.along_m, turn.side, size, entered_room(before),
                 before.from_room if first else "", before.doorway, covers=(k,),
             )  # fmt: skip
             steps.append(step)
@@ -192,19 +130,12 @@ def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[
             Step(
                 kind,
                 passage.along_m,
-                room=_other(passage),
+                room=entered_room(passage),
                 from_room=passage.from_room,
                 doorway=passage.doorway,
             )
         )
     return sorted(steps, key=lambda s: s.along_m)
-
-
-def _other(passage: PassageFact) -> str:
-    """Return the room entered, told from one of the same kind that is left."""
-    if not passage.to_room or passage.to_room != passage.from_room:
-        return passage.to_room
-    return f"{'next' if passage.to_room == 'hallway' else 'other'} {passage.to_room}"
 
 
 # things passed ----------------------------------------------------------------------------------
@@ -261,7 +192,7 @@ def _opposite(mark: Reference, options: Sequence[Reference]) -> Reference | None
     return None
 
 
-# distances, the stop ----------------------------------------------------------------------------
+# distances ---------------------------------------------------------------------------------------
 
 
 def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
@@ -289,52 +220,3 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
 
 def _room_at(facts: PathFacts, along_m: float) -> str:
     return next((v.room for v in facts.visits if along_m <= v.to_m), "")
-
-
-def _stop(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
-    length = facts.length_m
-    if _stops_in_doorway(facts):
-        # What is ahead lies in the next room, which the path does not enter.
-        return Step("stop", length, place="outside", room=facts.goal_rooms[0])
-    options = stop_candidates(facts, rng, taste.colours)
-    if options:
-        mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
-        other = next((o for o in options if _faces(mark, o)), None)
-        if other is not None and rng.random() < 0.5:
-            return Step(
-                "stop", length, mark=mark, other=other, place="between", room=facts.goal_room
-            )
-        ahead = abs(mark.bearing_deg) < 32.0
-        beside = "beside" if mark.distance_m <= 1.1 else "near"
-        place = "front" if ahead else beside
-        side = ""
-        if 40.0 < abs(mark.bearing_deg) < 140.0 and rng.random() < 0.4 * taste.sides + 0.1:
-            side = "left" if mark.bearing_deg > 0 else "right"
-        return Step("stop", length, side=side, mark=mark, place=place, room=facts.goal_room)
-    visits = facts.visits
-    entered = bool(facts.passages) and length - facts.passages[-1].along_m <= _JUST_INSIDE_M
-    if entered:
-        return Step("stop", length, place="inside", room=_other(facts.passages[-1]))
-    if len(facts.goal_near_rooms) == 1 and facts.goal_near_rooms[0] not in (v.room for v in visits):
-        return Step("stop", length, place="outside", room=facts.goal_near_rooms[0])
-    passed = passing_candidates(facts, length - _PAST_M, length - 0.4, rng, taste.colours)
-    if passed:
-        return Step("stop", length, mark=passed[0], place="past", room=facts.goal_room)
-    return Step("stop", length, place="after", far_m=1.0)
-
-
-def _stops_in_doorway(facts: PathFacts) -> bool:
-    """Return whether the path stops in the doorway of a room that is new and alone of its kind."""
-    if len(facts.goal_rooms) != 1 or facts.goal_rooms[0] in (v.room for v in facts.visits):
-        return False
-    doors = (mark for mark in facts.landmarks if mark.noun == DOOR)
-    return (
-        facts.visits[-1].beyond.count(facts.goal_rooms[0]) <= 1
-        and min((door.goal_distance_m for door in doors), default=np.inf) <= _IN_DOORWAY_M
-    )
-
-
-def _faces(mark: Reference, other: Reference) -> bool:
-    """Return whether two things lie on either side of the stop."""
-    sides = sorted((mark.bearing_deg, other.bearing_deg))
-    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun
