@@ -1,8 +1,8 @@
-"""How long a training waits for its data: the recipe `starter` on decoded episodes, in one process.
+"""How long a training waits for its data: the recipe `starter` on decoded episodes.
 
-The loader reads and joins the next batch in the process that trains, so all of its time is time in
-which the model waits. Each model takes the same batches, once for the loader alone and once for
-the steps.
+A thread reads and joins the next batch while the device works on this one. Each model takes the
+same batches; the first steps, in which libraries warm up, are left out. On a machine with CUDA,
+the models are trained there, too, and one that is large enough to keep it busy.
 """
 
 from __future__ import annotations
@@ -11,14 +11,18 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from vlnpe.datasets.selection import Selection
+    from vlnpe.datasets.tokens import Tokens
     from vlnpe.learning.config import TrainConfig
     from vlnpe.learning.training.cache import CachedSequences
 
-STEPS = 40
+STEPS, WARM_UP = 40, 8
 MODELS = ("cma", "seq2seq", "rdp")
+LARGER: dict[str, Any] = {"size_px": 64, "batch": 32}
+LARGER_MODEL: dict[str, Any] = {"name": "cma", "channels": [32, 64, 128, 256], "hidden": 512}
 
 
 def report(run: Path) -> str:
@@ -28,70 +32,81 @@ def report(run: Path) -> str:
     from vlnpe.datasets.mixture.recipe import read_recipe
     from vlnpe.datasets.mixture.shipped import recipe_path
     from vlnpe.datasets.selection import select_all
-    from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
     from vlnpe.datasets.tokens import training_tokens
     from vlnpe.learning.config import train_config
-    from vlnpe.learning.models.heads import FUTURE
-    from vlnpe.learning.training.cache import CachedSequences
 
     torch.set_num_threads(1)
     recipe = dict(read_recipe(recipe_path("starter")).train)
-    configs = [
-        train_config(
-            recipe
-            | {"steps": STEPS, "checkpoint_every": STEPS, "model": recipe["model"] | {"name": name}}
-        )
-        for name in MODELS
-    ]
+    recipe |= {"steps": STEPS, "checkpoint_every": STEPS, "device": "cpu"}
+    wanted = [recipe | {"model": recipe["model"] | {"name": name}} for name in MODELS]
+    if torch.cuda.is_available():
+        wanted += [values | {"device": "cuda"} for values in wanted]
+        larger = {"device": "cuda", "model": recipe["model"] | LARGER_MODEL}
+        wanted.append(recipe | LARGER | larger)
     selection = select_all([next((run / "lerobot").iterdir())])
     tokens = training_tokens(words[0] for words in selection.labels("instructions"))
-    first = configs[0]
-    how = SequenceConfig(first.size_px, first.max_steps, first.inflection, future=FUTURE)
     with tempfile.TemporaryDirectory(dir=run) as scratch:
-        folder = Path(scratch)
-        episodes = CachedSequences(EpisodeSequences(selection, tokens, how), folder / "cache")
-        episodes.prepare(0)  # opens decoders and imports what they need
-        decoding = _seconds(lambda: [episodes.prepare(n) for n in range(1, len(episodes))])
-        rows = [_row(episodes, config, folder) for config in configs]
+        rows = [
+            _row(train_config(values), selection, tokens, Path(scratch) / str(number))
+            for number, values in enumerate(wanted)
+        ]
     lines = [
         "## Training",
         "",
-        f"The recipe `starter`, {STEPS} steps on episodes that are decoded already "
-        f"({1e3 * decoding / (len(episodes) - 1):.0f} ms per",
-        "episode, once for all models), one thread, CPU time. The loader reads in the process that",
-        "trains: its share is the time for which the model waits.",
+        f"The recipe `starter`, steps {WARM_UP} to {STEPS} on episodes that are decoded already,",
+        "one thread of torch. A batch is read in another thread while the device works on the",
+        "one before; what it still waits for is the column `waits`.",
         "",
-        "| model | episodes/s | ms per step | of which loader |",
-        "| --- | ---: | ---: | ---: |",
+        "| device | model | px | episodes per step | episodes/s | ms per step | waits | "
+        "reading alone [ms] |",
+        "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
         *rows,
     ]
+    if torch.cuda.is_available():
+        lines += ["", f"CUDA: {torch.cuda.get_device_name()}, torch {torch.__version__}."]
     return "\n".join(lines) + "\n"
 
 
-def _row(episodes: CachedSequences, config: TrainConfig, folder: Path) -> str:
+def _row(config: TrainConfig, selection: Selection, tokens: Tokens, folder: Path) -> str:
+    from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
+    from vlnpe.learning.models.heads import FUTURE
+    from vlnpe.learning.training.cache import CachedSequences
+    from vlnpe.learning.training.train import Watcher, train_model
+
+    how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
+    # Beside the folders of the rows, so that images of one size are decoded once.
+    cache = folder.parent / "cache"
+    episodes = CachedSequences(EpisodeSequences(selection, tokens, how), cache)
+    for number in range(len(episodes)):
+        episodes.prepare(number)
+    reading = _seconds(lambda: _read(episodes, config)) / STEPS
+    folder.mkdir()
+    ends: list[float] = []
+    waits: list[float] = []
+    # A step ends with its loss on the host, so that a GPU has done its work by then.
+    watcher = Watcher(lambda done, loss: ends.append(time.perf_counter()), waited=waits.append)
+    state = folder / "state.pt"
+    train_model([episodes], [1.0], tokens, config, seed=0, state=state, watcher=watcher)
+    steps = STEPS - WARM_UP
+    whole, waited = ends[-1] - ends[WARM_UP - 1], sum(waits[WARM_UP:])
+    return (
+        f"| {config.device} | {config.model.name} | {config.size_px} | {config.batch} | "
+        f"{steps * config.batch / whole:.0f} | {1e3 * whole / steps:.0f} | "
+        f"{100 * waited / whole:.1f} % | {1e3 * reading:.0f} |"
+    )
+
+
+def _read(episodes: CachedSequences, config: TrainConfig) -> None:
     from vlnpe.datasets.mixture.loader import MixtureLoader
     from vlnpe.datasets.mixture.sampler import MixtureSampler
     from vlnpe.datasets.sequences import collate_sequences
-    from vlnpe.learning.training.train import train_model
 
-    draws = STEPS * config.batch
-    state = folder / f"{config.model.name}.pt"
-    sampler = MixtureSampler([len(episodes)], [1.0], 0, draws)
-    batches = MixtureLoader([episodes], sampler, config.batch, collate=collate_sequences)
-    loading = _seconds(lambda: list(batches))
-    whole = _seconds(
-        lambda: train_model(
-            [episodes], [1.0], episodes.sequences.tokens, config, seed=0, state=state
-        )
-    )
-    return (
-        f"| {config.model.name} | {draws / whole:.0f} | {1e3 * whole / STEPS:.0f} | "
-        f"{100 * loading / whole:.1f} % |"
-    )
+    sampler = MixtureSampler([len(episodes)], [1.0], 0, STEPS * config.batch)
+    for _ in MixtureLoader([episodes], sampler, config.batch, collate=collate_sequences):
+        pass
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    """Return the CPU seconds of this process that `work` takes."""
-    start = time.process_time()
+    start = time.perf_counter()
     work()
-    return time.process_time() - start
+    return time.perf_counter() - start

@@ -5,6 +5,7 @@ each other at the same time; compiled code, images and rays let other threads ru
 """
 
 import os
+import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -72,3 +73,27 @@ def in_order[I, R](
         finally:
             for future in waiting:
                 future.cancel()
+
+
+def made_ahead[T](
+    items: Iterator[T], waited: Callable[[float], None] = lambda seconds: None
+) -> Generator[T, None, None]:
+    """Yield items, each made in a thread while the caller works on the one before.
+
+    That thread is not one of the allowed ones: it is meant for reading, not for computing.
+
+    Args:
+        items: drawn in that thread alone; nothing in it may depend on what the caller does.
+        waited: called with the seconds for which the caller waited, once per item.
+    """
+    end = object()
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(next, items, end)
+        while True:
+            start = time.perf_counter()
+            item = coming.result()
+            if item is end:
+                return
+            waited(time.perf_counter() - start)
+            coming = pool.submit(next, items, end)
+            yield item  # type: ignore[misc]

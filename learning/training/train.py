@@ -2,7 +2,8 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,6 +20,7 @@ from ...datasets.sequences import collate_sequences
 from ...datasets.tokens import Tokens
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
+from ...formats.core.threads import made_ahead
 from ..config import TrainConfig
 from ..models.registry import Model, build_model
 from .losses import training_loss
@@ -61,10 +63,12 @@ class Watcher:
             that an earlier, interrupted run made.
         checkpoint: called whenever the training's state is about to be written, with the model and
             the number of steps done.
+        waited: called after each step with the seconds for which it waited for its batch.
     """
 
     step: Callable[[int, float | None], None] = lambda done, loss: None
     checkpoint: Callable[[Model, int], None] = lambda model, done: None
+    waited: Callable[[float], None] = lambda seconds: None
 
 
 def train_model(
@@ -120,19 +124,32 @@ def train_model(
             done = _restore(state, training)
             watcher.step(done, None)
         model.train()
-        batches = iter(loader) if done < config.steps else iter(())
-        while done < config.steps:
-            for source in sources:
-                source.begin_pass(done // per_pass)
-            loss = _step(training, _to(next(batches), device), config)
-            schedule.step()
-            done += 1
-            watcher.step(done, loss)
-            if done % config.checkpoint_every == 0 or done == config.steps:
-                # Before the state: what is killed in between is done again.
-                watcher.checkpoint(model, done)
-                _save(state, done, training)
+        batches = _batches(loader, sources, range(done, config.steps), per_pass)
+        # The next batch is read while the device works on this one.
+        with closing(made_ahead(batches, watcher.waited)) as coming:
+            for batch, draws in coming:
+                loss = _step(training, _to(batch, device), config)
+                schedule.step()
+                done += 1
+                watcher.step(done, loss)
+                if done % config.checkpoint_every == 0 or done == config.steps:
+                    # Before the state: what is killed in between is done again.
+                    watcher.checkpoint(model, done)
+                    _save(state, done, draws, training)
     return model.eval()
+
+
+def _batches(
+    loader: MixtureLoader, sources: Sequence[TrainingEpisodes], steps: range, per_pass: int
+) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Yield the batch of each step, and the loader's position after it."""
+    if not steps:
+        return
+    batches = iter(loader)
+    for step in steps:
+        for source in sources:
+            source.begin_pass(step // per_pass)
+        yield next(batches), loader.state_dict()
 
 
 @dataclass(frozen=True)
@@ -181,14 +198,14 @@ def _to(batch: dict[str, Any], device: torch.device) -> dict[str, Any]:
     return {k: v.to(device) if torch.is_tensor(v) else v for k, v in batch.items()}
 
 
-def _save(path: Path, done: int, training: _Training) -> None:
+def _save(path: Path, done: int, draws: dict[str, Any], training: _Training) -> None:
     state = {
         "done": done,
         "made_by": training.made_by,
         "model": training.model.state_dict(),
         "optimizer": training.optimizer.state_dict(),
         "schedule": training.schedule.state_dict(),
-        "draws": training.loader.state_dict(),
+        "draws": draws,
         "random": torch.get_rng_state(),
         # Dropout on a GPU draws from that GPU's generator.
         "random_cuda": torch.cuda.get_rng_state_all() if torch.cuda.is_available() else [],

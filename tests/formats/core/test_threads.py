@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from vlnpe.formats.core.threads import allow_threads, beside, in_order
+from vlnpe.formats.core.threads import allow_threads, beside, in_order, made_ahead
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])
@@ -88,3 +88,39 @@ def test_an_error_beside_waits_for_what_was_begun() -> None:
     with allow_threads(2), pytest.raises(ValueError, match="meanwhile"), beside(slowly):
         raise ValueError("meanwhile")
     assert ended
+
+
+def test_the_next_item_is_made_while_the_caller_works() -> None:
+    made: list[int] = []
+    second = threading.Event()
+
+    def items() -> Iterator[int]:
+        for item in range(5):
+            made.append(item)
+            if item == 1:
+                second.set()
+            yield item
+
+    waits: list[float] = []
+    results = made_ahead(items(), waits.append)
+    assert next(results) == 0
+    assert second.wait(5), "the caller has the first item alone"
+    results.close()  # the thread ends with it
+    assert made == [0, 1] and len(waits) == 1
+    assert list(made_ahead(iter(range(50)))) == list(range(50))
+
+
+def test_an_error_comes_after_the_items_before_it() -> None:
+    def items() -> Iterator[int]:
+        yield 1
+        time.sleep(0.05)
+        raise ValueError("the second")
+
+    waits: list[float] = []
+    results = made_ahead(items(), waits.append)
+    assert next(results) == 1
+    with pytest.raises(ValueError, match="the second"):
+        next(results)
+    slow = made_ahead((time.sleep(0.05) for _ in range(2)), waits.append)
+    list(slow)
+    assert max(waits) >= 0.04
