@@ -192,12 +192,12 @@ def _sources(
         found = {name: path for name, path in found.items() if name in named}
     if not found:
         what = "none of the episodes' scans" if episode_files else "no scan"
-        raise InputError(f"SCENES={options.scenes}: contains {what}; valid: {' '.join(SUFFIXES)}")
+        raise InputError(f"--scenes {options.scenes}: contains {what}; valid: {' '.join(SUFFIXES)}")
     return found
 
 
 def _episodes(text: str) -> tuple[list[Path], str, int]:
-    """Return what `EPISODES=<text>` means: VLN-CE files, a preset, or a number per scene."""
+    """Return what `--episodes <text>` means: VLN-CE files, a preset, or a number per scene."""
     if text.isdecimal() and int(text) > 0:
         return [], "", int(text)
     if text in PRESETS:
@@ -207,11 +207,11 @@ def _episodes(text: str) -> tuple[list[Path], str, int]:
         splits = [read_vlnce(file).split for file in files]
         if len(set(splits)) < len(splits):
             raise InputError(
-                f"EPISODES={text}: two files have the same split; valid: one per split"
+                f"--episodes {text}: two files have the same split; valid: one per split"
             )
         return files, "", 1
     raise InputError(
-        f"EPISODES={text}{did_you_mean(text, PRESETS)}: valid: a number above 0, "
+        f"--episodes {text}{did_you_mean(text, PRESETS)}: valid: a number above 0, "
         f"{', '.join(PRESETS)}, or existing VLN-CE files, one per split"
     )
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, did_you_mean
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
 from .files import FileRecord, Records, files_in, path_in_run, records_of
 from .rows import Row
@@ -82,8 +82,10 @@ class Ledger:
         for folder in (root, root.absolute().parent):
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
-        missing = f"not a run folder ({MANIFEST_NAME} is missing)"
-        raise FileFormatError(root, missing if root.exists() else "no such folder")
+        if root.exists():
+            raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing)")
+        runs = [manifest.parent.name for manifest in root.parent.glob(f"*/{MANIFEST_NAME}")]
+        raise FileFormatError(root, f"no such folder{did_you_mean(root.name, runs)}")
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""

@@ -19,7 +19,7 @@ USUAL = "path"  # what `auto` means for whatever has a body
 
 
 def chosen_robots(text: str) -> list[RobotSpec]:
-    """Return the robots of `ROBOT=<text>`: a name, a folder of a user's robot, several, or `all`.
+    """Return the robots of `--robot <text>`: a name, a folder of a user's robot, several, or `all`.
 
     A bodyless agent is no robot: it takes part only when it is named, also beside `all`.
 
@@ -37,12 +37,12 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     for robot in robots:
         alike = [r for r in by_name.values() if r.name.casefold() == robot.name.casefold()]
         if len(alike) > 1 or alike[0].folder != robot.folder:
-            raise InputError(f"ROBOT={text}: two robots are named {robot.name}; rename one")
+            raise InputError(f"--robot {text}: two robots are named {robot.name}; rename one")
     return list(by_name.values())
 
 
 def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
-    """Return each robot with each controller of `CONTROLLER=<text>` that can drive it, by name.
+    """Return each robot with each controller of `--controller <text>` that can drive it, by name.
 
     `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
     and therefore cannot be driven, only placed.
@@ -59,7 +59,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
         able = [n for n in names or [auto_controller(robot)] if n in valid]
         if not able:
             raise InputError(
-                f"CONTROLLER={text}: {robot.name} has no joints to drive; valid for it: "
+                f"--controller {text}: {robot.name} has no joints to drive; valid for it: "
                 f"{', '.join(valid)}"
             )
         result += [(robot.name, name) for name in able]

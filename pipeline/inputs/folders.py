@@ -20,11 +20,11 @@ def find_scans(folder: Path) -> dict[str, Path]:
         InputError: no such folder, or two scans share an id.
     """
     if not folder.is_dir():
-        raise InputError(f"SCENES={folder}: no such folder")
+        raise InputError(f"--scenes {folder}: no such folder")
     found: dict[str, Path] = {}
     for path in _scans(folder, top=True, above=()):
         if path.stem in found:
-            raise InputError(f"SCENES={folder}: two scans are named {path.stem}")
+            raise InputError(f"--scenes {folder}: two scans are named {path.stem}")
         found[path.stem] = path
     return dict(zip(file_names(list(found)), found.values(), strict=True))
 

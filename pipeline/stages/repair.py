@@ -142,7 +142,7 @@ def check_scan(source: Path) -> None:
     if not source.exists(follow_symlinks=False):
         raise FileFormatError(source, f"no such file; valid: {', '.join(SUFFIXES)}")
     if source.is_dir():
-        raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
+        raise FileFormatError(source, "is a folder; valid: one scan, or --scenes <folder>")
     if source.suffix.lower() not in SUFFIXES:
         raise FileFormatError(source, why_not(source.name))
 
@@ -154,7 +154,7 @@ def source_digest(source: Path) -> str:
         FileFormatError: missing, not a file, or among very many others.
     """
     if source.is_dir():
-        raise FileFormatError(source, "is a folder; valid: one scan, or SCENES=<folder>")
+        raise FileFormatError(source, "is a folder; valid: one scan, or --scenes <folder>")
     check_input(source, max_bytes=limits().scan_bytes)
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):

@@ -41,7 +41,7 @@ class Execution:
     def __post_init__(self) -> None:
         check_name("executor", self.executor, EXECUTORS)
         if self.workers < 0:
-            raise InputError(f"WORKERS={self.workers}: valid: 0 (one per core) and above")
+            raise InputError(f"--workers {self.workers}: valid: 0 (one per core) and above")
         if self.dry_run and self.executor != SLURM:
             raise InputError(f"--dry-run with --executor {self.executor}; valid: with {SLURM}")
 

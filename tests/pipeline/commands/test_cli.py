@@ -17,6 +17,7 @@ from vlnpe.evaluation.policy import MODEL_POLICIES, ORACLE, POLICIES, shipped_po
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
 from vlnpe.pipeline.cli import VERBS, main
+from vlnpe.pipeline.engine.ledger import MANIFEST_NAME
 from vlnpe.pipeline.inputs.builtin import BUILTIN
 from vlnpe.pipeline.inputs.crews import AUTO
 from vlnpe.pipeline.options.collect import Collect
@@ -215,7 +216,19 @@ def test_commands_of_episode_files_need_one(
 )
 def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words, "-5"]) == 2
-    assert "SEED=-5: valid: 0 and above" in capsys.readouterr().err
+    assert "--seed -5: valid: 0 and above" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["verify", "report"])
+def test_a_run_that_is_not_there_suggests_the_one_beside_it(
+    command: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "apartment-aliengo").mkdir()
+    (tmp_path / "apartment-aliengo" / MANIFEST_NAME).touch()
+    (tmp_path / "apartment-aliengos").mkdir()  # no run
+    assert main([command, str(tmp_path / "apartment-alieng")]) == 2
+    error = capsys.readouterr().err
+    assert "no such folder (did you mean apartment-aliengo?)" in error
 
 
 @pytest.mark.chain

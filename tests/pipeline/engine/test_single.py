@@ -83,6 +83,6 @@ def test_unfinished_folders_of_this_output_alone_are_removed(tmp_path: Path):
 
 
 def test_a_bad_number_of_workers_writes_nothing(tmp_path: Path):
-    with pytest.raises(InputError, match="WORKERS=-1"), open_single(tmp_path / "out", -1):
+    with pytest.raises(InputError, match="--workers -1"), open_single(tmp_path / "out", -1):
         pass
     assert not (tmp_path / LEDGERS).exists()
