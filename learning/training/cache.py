@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import torch
-from safetensors import safe_open
+from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
 from torch.utils.data import Dataset
 
 from ...datasets.episode_index import EpisodeEntry
 from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file
+from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ..config import IMAGES
 
@@ -54,12 +55,21 @@ class CachedSequences(Dataset[dict[str, Any]]):
         return len(self.sequences)
 
     def __getitem__(self, number: int) -> dict[str, Any]:
-        """Return the episode `number`."""
+        """Return the episode `number`.
+
+        Raises:
+            FileFormatError: its file was damaged after it was made.
+        """
         entry, path = self._place(number)
         unread = set(IMAGES) - self.images
         item: dict[str, Any] = {}
-        with safe_open(path, framework="pt") as file:
-            item |= {key: file.get_tensor(key) for key in sorted(set(file.keys()) - unread)}
+        try:
+            with safe_open(path, framework="pt") as file:
+                item |= {key: file.get_tensor(key) for key in sorted(set(file.keys()) - unread)}
+        except SafetensorError as error:
+            raise FileFormatError(
+                path, f"a damaged decoded episode; delete it, and it is decoded again ({error})"
+            ) from error
         if "depth" in item:
             item["depth"] = item["depth"].to(torch.float32) * _DEPTH_STEP_M
         tokens = torch.from_numpy(self.sequences.tokens.encode(self._choice.text(entry)))

@@ -18,7 +18,7 @@ from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
-from vlnpe.formats.core.errors import InputError, UnknownNameError
+from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning.ablation.evaluate import (
     EpisodeScore,
     Summary,
@@ -126,6 +126,21 @@ def test_an_interrupted_training_ends_as_if_it_had_not_been(
     resumed = train(tmp_path / "part.pt").state_dict()
     for name, value in whole.items():
         torch.testing.assert_close(resumed[name], value, atol=0, rtol=0, msg=name)
+
+
+def test_a_damaged_decoded_episode_is_named_and_made_again(
+    episodes: CachedSequences, tmp_path: Path
+) -> None:
+    cached = CachedSequences(episodes.sequences, tmp_path)
+    # Items are views of their file: replaced, not overwritten, it leaves them as they are.
+    whole = {k: v.clone() for k, v in cached[0].items() if torch.is_tensor(v)}
+    path = cached.prepare(0)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(FileFormatError, match=f"{path.name}.*delete it"):
+        cached[0]
+    path.unlink()
+    again = CachedSequences(episodes.sequences, tmp_path)[0]
+    assert all(torch.equal(again[k], v) for k, v in whole.items())
 
 
 def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
