@@ -185,7 +185,7 @@ def _run(arguments: Sequence[str]) -> int:
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
         if (seed := getattr(options, "seed", None)) is not None and seed < 0:
-            raise InputError(f"--seed {seed}: valid: 0 and above")
+            raise InputError(f"seed {seed}: valid: 0 and above")
         if check := getattr(options, "check", None):
             check()  # before seconds of imports
         with without_interrupts():

@@ -124,7 +124,7 @@ def _disk(out: Path) -> Finding:
     free = shutil.disk_usage(folder).free / 1024**3
     writable = os.access(folder, os.W_OK)
     seen = f"{free:.1f} GiB free at {folder}" + (
-        "" if writable else ", not writable: choose another OUT"
+        "" if writable else ", not writable: choose another --out"
     )
     return Finding("disk", writable and free > 1, seen)
 

@@ -58,7 +58,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         """Return the episode `number`.
 
         Raises:
-            FileFormatError: its file was damaged after it was made.
+            FileFormatError: its file is cut off, or its header damaged; contents have no checksum.
         """
         entry, path = self._place(number)
         unread = set(IMAGES) - self.images
@@ -83,7 +83,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         if number in self._places:
             return self._places[number]
         entry = self.sequences.selection.entry(number)
-        # Read four times as fast as .npz, whose checksums and headers cost more than its contents.
+        # Read four times as fast as .npz, at the price of its checksums.
         path = self.folder / f"{self._key(entry)}.safetensors"
         if not path.is_file():
             item = self.sequences[number]

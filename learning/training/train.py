@@ -63,7 +63,7 @@ class Watcher:
             that an earlier, interrupted run made.
         checkpoint: called whenever the training's state is about to be written, with the model and
             the number of steps done.
-        waited: called after each step with the seconds for which it waited for its batch.
+        waited: called before each step with the seconds for which it waited for its batch.
     """
 
     step: Callable[[int, float | None], None] = lambda done, loss: None

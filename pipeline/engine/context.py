@@ -64,7 +64,7 @@ def _opened(
     ours = any((root / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME))
     if root.is_dir() and any(root.iterdir()) and not ours:
         raise InputError(
-            f"output folder {root}: not empty and not an earlier run; choose another OUT"
+            f"output folder {root}: not empty and not an earlier run; choose another --out"
         )
     folder = open_run_folder(root)
     with lock(folder.root, wait=options.wait):

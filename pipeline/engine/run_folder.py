@@ -161,7 +161,7 @@ def open_run_folder(root: Path) -> RunFolder:
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent
     if not existing.is_dir():
-        raise InputError(f"output folder {root}: {existing} is a file; choose another OUT")
+        raise InputError(f"output folder {root}: {existing} is a file; choose another --out")
     created = [p for p in (root, *root.parents) if p != existing and p.is_relative_to(existing)]
     try:
         root.mkdir(parents=True, exist_ok=True)
@@ -178,6 +178,6 @@ def open_run_folder(root: Path) -> RunFolder:
     except OSError as error:
         reason = error.strerror or errno.errorcode.get(error.errno or 0, "unknown")
         raise InputError(
-            f"output folder {root}: {existing} is not writable ({reason}); choose another OUT"
+            f"output folder {root}: {existing} is not writable ({reason}); choose another --out"
         ) from error
     return RunFolder(root.resolve())

@@ -30,7 +30,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     from ...collectors.drives import gait_for
 
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
-    robots = [get_robot(name) for name in _names("ROBOT", text, bodies)]
+    robots = [get_robot(name) for name in _names("--robot", text, bodies)]
     for robot in robots:
         gait_for(robot)  # says at once when its policy is missing, broken or another robot's
     by_name = {robot.name: robot for robot in robots}
@@ -50,7 +50,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
     Raises:
         InputError: an unknown name, or a robot that none of the controllers can drive.
     """
-    names = [] if text == AUTO else _names("CONTROLLER", text, CONTROLLERS)
+    names = [] if text == AUTO else _names("--controller", text, CONTROLLERS)
     for name in names:
         get_controller(name)
     result = []
@@ -98,12 +98,12 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     )
 
 
-def _names(variable: str, text: str, everything: Iterable[str]) -> list[str]:
+def _names(option: str, text: str, everything: Iterable[str]) -> list[str]:
     """Return the comma-separated names in `text`, each once, with `all` expanded."""
     given = [part.strip() for part in text.split(",")]
     if not all(given):
         raise InputError(
-            f"{variable}={text}: contains an empty name; valid: a name, or a,b,c, or {ALL}"
+            f"{option} {text}: contains an empty name; valid: a name, or a,b,c, or {ALL}"
         )
     spelled = [name for part in given for name in (everything if part == ALL else (part,))]
     return list(dict.fromkeys(spelled))

@@ -68,7 +68,7 @@ def items(
         log.warning(
             "the widest robot needs %.2f m of clearance, but the existing episodes have %.2f m: "
             "sampling new episodes in %s. Results of other robots on the old episodes are dropped "
-            "from the report; add these robots to ROBOT to run them on the new episodes",
+            "from the report; add these robots to --robot to run them on the new episodes",
             radius_m,
             min(tight.values()),
             ", ".join(tight),

@@ -142,7 +142,9 @@ def check_scan(source: Path) -> None:
     if not source.exists(follow_symlinks=False):
         raise FileFormatError(source, f"no such file; valid: {', '.join(SUFFIXES)}")
     if source.is_dir():
-        raise FileFormatError(source, "is a folder; valid: one scan, or --scenes <folder>")
+        raise FileFormatError(
+            source, "is a folder; valid: one scan (`collect` takes a folder with --scenes)"
+        )
     if source.suffix.lower() not in SUFFIXES:
         raise FileFormatError(source, why_not(source.name))
 
@@ -154,7 +156,9 @@ def source_digest(source: Path) -> str:
         FileFormatError: missing, not a file, or among very many others.
     """
     if source.is_dir():
-        raise FileFormatError(source, "is a folder; valid: one scan, or --scenes <folder>")
+        raise FileFormatError(
+            source, "is a folder; valid: one scan (`collect` takes a folder with --scenes)"
+        )
     check_input(source, max_bytes=limits().scan_bytes)
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):

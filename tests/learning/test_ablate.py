@@ -132,7 +132,7 @@ def test_a_damaged_decoded_episode_is_named_and_made_again(
     episodes: CachedSequences, tmp_path: Path
 ) -> None:
     cached = CachedSequences(episodes.sequences, tmp_path)
-    # Items are views of their file: replaced, not overwritten, it leaves them as they are.
+    # Items are views of their file, which is overwritten below: copy them.
     whole = {k: v.clone() for k, v in cached[0].items() if torch.is_tensor(v)}
     path = cached.prepare(0)
     path.write_bytes(path.read_bytes()[:-100])

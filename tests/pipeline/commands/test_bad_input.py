@@ -113,6 +113,8 @@ def test_a_failed_run_says_what_its_folder_keeps_and_it_is_reused(tmp_path, monk
         (("--robot", "Aliengoo"), "(did you mean aliengo?); valid: "),
         (("--controller", "telepathy"), "path"),
         (("--controller", "path,telepathy"), "telepathy"),
+        (("--controller", "path,"), "--controller path,: contains an empty name"),
+        (("--robot", "h1,,g1"), "--robot h1,,g1: contains an empty name"),
         (("--controller", "sped"), "(did you mean speed?); valid: flash"),
         (("--light", "DL500"), "(did you mean DL5000?); valid: CL"),
         (("--camera", "chasse"), "(did you mean chase?); valid: chase"),

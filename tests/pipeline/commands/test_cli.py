@@ -216,7 +216,7 @@ def test_commands_of_episode_files_need_one(
 )
 def test_a_negative_seed_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words, "-5"]) == 2
-    assert "--seed -5: valid: 0 and above" in capsys.readouterr().err
+    assert "seed -5: valid: 0 and above" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", ["verify", "report"])
