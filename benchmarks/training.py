@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -70,16 +69,17 @@ def report(run: Path) -> str:
 def _row(config: TrainConfig, selection: Selection, tokens: Tokens, folder: Path) -> str:
     from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
     from vlnpe.learning.models.heads import FUTURE
-    from vlnpe.learning.training.cache import CachedSequences
+    from vlnpe.learning.training.cache import CachedSequences, decode_all
     from vlnpe.learning.training.train import Watcher, train_model
 
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     # Beside the folders of the rows, so that images of one size are decoded once.
     cache = folder.parent / "cache"
     episodes = CachedSequences(EpisodeSequences(selection, tokens, how), cache)
-    for number in range(len(episodes)):
-        episodes.prepare(number)
-    reading = _seconds(lambda: _read(episodes, config)) / STEPS
+    decode_all([episodes], show=False)
+    start = time.perf_counter()
+    _read(episodes, config)
+    reading = (time.perf_counter() - start) / STEPS
     folder.mkdir()
     ends: list[float] = []
     waits: list[float] = []
@@ -104,9 +104,3 @@ def _read(episodes: CachedSequences, config: TrainConfig) -> None:
     sampler = MixtureSampler([len(episodes)], [1.0], 0, STEPS * config.batch)
     for _ in MixtureLoader([episodes], sampler, config.batch, collate=collate_sequences):
         pass
-
-
-def _seconds(work: Callable[[], object]) -> float:
-    start = time.perf_counter()
-    work()
-    return time.perf_counter() - start

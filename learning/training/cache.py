@@ -62,10 +62,10 @@ class CachedSequences(Dataset[dict[str, Any]]):
         """
         entry, path = self._place(number)
         unread = set(IMAGES) - self.images
-        item: dict[str, Any] = {}
         try:
             with safe_open(path, framework="pt") as file:
-                item |= {key: file.get_tensor(key) for key in sorted(set(file.keys()) - unread)}
+                wanted = sorted(set(file.keys()) - unread)
+                item: dict[str, Any] = {key: file.get_tensor(key) for key in wanted}
         except SafetensorError as error:
             raise FileFormatError(
                 path, f"a damaged decoded episode; delete it, and it is decoded again ({error})"

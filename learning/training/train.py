@@ -143,8 +143,6 @@ def _batches(
     loader: MixtureLoader, sources: Sequence[TrainingEpisodes], steps: range, per_pass: int
 ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
     """Yield the batch of each step, and the loader's position after it."""
-    if not steps:
-        return
     batches = iter(loader)
     for step in steps:
         for source in sources:

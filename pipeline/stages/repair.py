@@ -33,6 +33,7 @@ PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp"}
 MAX_BESIDE = 100_000
 LEDGER_FILES = (MANIFEST_NAME, JOURNAL_NAME, LOCK_NAME)
 SIDE_FILES = {".mtl", ".mdl", ".bin", *PICTURES, *USD_SUFFIXES}
+_IS_FOLDER = "is a folder; valid: one scan (`collect` takes a folder with --scenes)"
 
 
 def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem:
@@ -142,9 +143,7 @@ def check_scan(source: Path) -> None:
     if not source.exists(follow_symlinks=False):
         raise FileFormatError(source, f"no such file; valid: {', '.join(SUFFIXES)}")
     if source.is_dir():
-        raise FileFormatError(
-            source, "is a folder; valid: one scan (`collect` takes a folder with --scenes)"
-        )
+        raise FileFormatError(source, _IS_FOLDER)
     if source.suffix.lower() not in SUFFIXES:
         raise FileFormatError(source, why_not(source.name))
 
@@ -156,9 +155,7 @@ def source_digest(source: Path) -> str:
         FileFormatError: missing, not a file, or among very many others.
     """
     if source.is_dir():
-        raise FileFormatError(
-            source, "is a folder; valid: one scan (`collect` takes a folder with --scenes)"
-        )
+        raise FileFormatError(source, _IS_FOLDER)
     check_input(source, max_bytes=limits().scan_bytes)
     parts: list[object] = [source.name, file_digest(source)]
     for name in side_names(source):
