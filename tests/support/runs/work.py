@@ -89,7 +89,9 @@ def linger(path: Path, seconds: float) -> ItemResult:
     """Write half a file, and the rest after a while; beside it stands which process does."""
     with atomic_file(path) as temporary:
         temporary.write_text("half")
-        path.with_suffix(".pid").write_text(str(os.getpid()))
+        process = path.with_suffix(".process")
+        process.write_text(str(os.getpid()))
+        process.rename(path.with_suffix(".pid"))  # whole as soon as a test finds it
         time.sleep(seconds)
     return ItemResult()
 
