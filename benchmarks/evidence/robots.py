@@ -83,6 +83,8 @@ def mixtures_table() -> Table:
             rows.append(Row(f"{name} → {robot}", Training(walks), test))
         if robot in ROBOTS:
             rows.append(Row(f"three robots, equal passes → {robot}", joint, test))
+            longer = f"{robot}, three times the steps → {robot}"
+            rows.append(Row(longer, Training(data[robot], longer=3), test))
             claims += [
                 Claim(
                     f"{robot}'s own data is better for it than VLN-CE's style",
@@ -101,6 +103,13 @@ def mixtures_table() -> Table:
                     "SR",
                     f"three robots, equal passes → {robot}",
                     f"{robot} → {robot}",
+                    published=False,
+                ),
+                Claim(
+                    f"the same, with equal passes over {robot}'s data and equal steps",
+                    "SR",
+                    f"three robots, equal passes → {robot}",
+                    longer,
                     published=False,
                 ),
             ]
