@@ -1,7 +1,9 @@
 """Whole episodes decoded once, at the size they are trained with, and kept on disk."""
 
 import hashlib
-from collections.abc import Collection
+import logging
+import zlib
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,10 @@ from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ..config import IMAGES
 
+log = logging.getLogger(__name__)
+
 _DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
+_CHECKSUM = "crc32"  # its name in a file's metadata
 
 
 class CachedSequences(Dataset[dict[str, Any]]):
@@ -58,7 +63,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         """Return the episode `number`.
 
         Raises:
-            FileFormatError: its file is cut off, or its header damaged; contents have no checksum.
+            FileFormatError: its file was cut off after it was checked.
         """
         entry, path = self._place(number)
         unread = set(IMAGES) - self.images
@@ -83,15 +88,15 @@ class CachedSequences(Dataset[dict[str, Any]]):
         if number in self._places:
             return self._places[number]
         entry = self.sequences.selection.entry(number)
-        # Read four times as fast as .npz, at the price of its checksums.
         path = self.folder / f"{self._key(entry)}.safetensors"
-        if not path.is_file():
+        if not _is_whole(path):
             item = self.sequences[number]
             values = {k: v for k, v in item.items() if torch.is_tensor(v) and k != "tokens"}
             millimetres = np.rint(values["depth"].numpy() / _DEPTH_STEP_M).clip(0, 65535)
             values["depth"] = torch.from_numpy(millimetres.astype(np.uint16))
+            values = {k: v.contiguous() for k, v in values.items()}
             with atomic_file(path) as temporary:
-                save_file({k: v.contiguous() for k, v in values.items()}, temporary)
+                save_file(values, temporary, {_CHECKSUM: _checksum(values)})
         self._places[number] = entry, path
         return entry, path
 
@@ -102,6 +107,30 @@ class CachedSequences(Dataset[dict[str, Any]]):
             facts = path.stat()
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
         return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+def _is_whole(path: Path) -> bool:
+    """Return whether a decoded episode is there and as it was written; warn if it is damaged."""
+    if not path.is_file():
+        return False
+    try:
+        with safe_open(path, framework="pt") as file:
+            written = (file.metadata() or {}).get(_CHECKSUM)
+            if written == _checksum({key: file.get_tensor(key) for key in sorted(file.keys())}):
+                return True
+    except SafetensorError:
+        pass
+    log.warning("%s is damaged, or of an earlier version: the episode is decoded again", path)
+    return False
+
+
+def _checksum(values: Mapping[str, torch.Tensor]) -> str:
+    """Return the CRC-32 of tensors with their names, types and shapes."""
+    checksum = 0
+    for name, value in sorted(values.items()):
+        checksum = zlib.crc32(f"{name} {value.dtype} {tuple(value.shape)}".encode(), checksum)
+        checksum = zlib.crc32(value.numpy().data, checksum)
+    return f"{checksum:08x}"
 
 
 def decode_all(episodes: Collection[CachedSequences], *, show: bool) -> None:

@@ -129,18 +129,27 @@ def test_an_interrupted_training_ends_as_if_it_had_not_been(
 
 
 def test_a_damaged_decoded_episode_is_named_and_made_again(
-    episodes: CachedSequences, tmp_path: Path
+    episodes: CachedSequences, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     cached = CachedSequences(episodes.sequences, tmp_path)
     # Items are views of their file, which is overwritten below: copy them.
     whole = {k: v.clone() for k, v in cached[0].items() if torch.is_tensor(v)}
     path = cached.prepare(0)
-    path.write_bytes(path.read_bytes()[:-100])
+    content = path.read_bytes()
+    generator = np.random.default_rng(0)
+    flipped = [bytearray(content) for _ in range(8)]
+    for damaged in flipped:
+        damaged[generator.integers(len(content))] ^= 1 << int(generator.integers(8))
+    for damaged in (content[:-100], content[:4], *flipped):
+        path.write_bytes(damaged)
+        caplog.clear()
+        again = CachedSequences(episodes.sequences, tmp_path)[0]
+        assert f"{path} is damaged" in caplog.text
+        assert all(torch.equal(again[k], v) for k, v in whole.items())
+        assert path.read_bytes() == content
+    path.write_bytes(content[:-100])  # after it was checked
     with pytest.raises(FileFormatError, match=f"{path.name}.*delete it"):
         cached[0]
-    path.unlink()
-    again = CachedSequences(episodes.sequences, tmp_path)[0]
-    assert all(torch.equal(again[k], v) for k, v in whole.items())
 
 
 def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
