@@ -79,8 +79,8 @@ evidence:  ## Train and test what docs/evidence.md shows: make evidence [ARGS="-
 	@$(SETUP) full
 	@$(BIN)/python -m benchmarks.evidence $(ARGS)
 
-evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-h1 ROBOT=h1 [OUT=runs/<name>]
-	@$(SETUP) core $(if $(filter cma cma-h1 %.safetensors,$(POLICY)),train)
+evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots ROBOT=h1 [OUT=runs/<name>]
+	@$(SETUP) core $(if $(filter cma cma-h1 cma-robots %.safetensors,$(POLICY)),train)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 

@@ -191,7 +191,11 @@ def checkpoint_path(name: str) -> Path | None:
     path = Path(name).resolve()
     for part in (path, path.with_suffix(".json")):
         if not part.is_file():
-            raise InputError(f"{part}: no such file; a checkpoint is weights and their card")
+            raise InputError(
+                f"{part}: no such file. `vlnpe train` writes a checkpoint as two files, "
+                f"NAME{CHECKPOINT_SUFFIX} and NAME.json; policies that need no file: "
+                f"{', '.join(sorted({*POLICIES, ORACLE, *shipped_policies()}))}"
+            )
     return path
 
 

@@ -181,7 +181,8 @@ def _run(arguments: Sequence[str]) -> int:
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")
             return 2
     try:
-        verb, options = parse(arguments)
+        with without_interrupts():  # its imports would swallow one that comes in a callback
+            verb, options = parse(arguments)
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
         if (seed := getattr(options, "seed", None)) is not None and seed < 0:

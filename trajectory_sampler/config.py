@@ -80,7 +80,8 @@ class SampleConfig:
             raise InputError(f"count is {self.count}; valid: 1 or more")
         if not 0 < self.min_length_m < self.max_length_m:
             raise InputError(
-                f"lengths {self.min_length_m} … {self.max_length_m} m; valid: 0 < min < max"
+                f"--min-length-m {self.min_length_m:g} and --max-length-m {self.max_length_m:g}; "
+                "valid: above 0, and the first below the second"
             )
         if not (self.robot_radius_m > 0 and self.end_clearance_m > 0):
             raise InputError(

@@ -130,19 +130,24 @@ def _make_follow(step, rng, memory, slots, rooms) -> str:
     return _fill(_pick(words.FOLLOW, rng, memory), **slots)
 
 
+def _ways(options: Sequence[str], step: Step) -> Sequence[str]:
+    """Return the words for a way; a bent one is not straight."""
+    return [o for o in options if "straight" not in o] if step.bent else options
+
+
 def _make_ahead(step, rng, memory, slots, rooms) -> str:
-    return _pick(words.AHEAD, rng, memory)
+    return _pick(_ways(words.AHEAD, step), rng, memory)
 
 
 def _make_walk(step, rng, memory, slots, rooms) -> str:
     options = words.WALK_SHORT if step.far_m < 2.3 and rng.random() < 0.6 else words.WALK
-    return _fill(_pick(options, rng, memory), n=metres(step.far_m))
+    return _fill(_pick(_ways(options, step), rng, memory), n=metres(step.far_m))
 
 
 def _make_stop(step, rng, memory, slots, rooms) -> str:
     if step.place == "after":
         options = words.AFTER if step.far_m >= 1.5 else words.AFTER_SHORT
-        return _fill(_pick(options, rng, memory), n=metres(step.far_m))
+        return _fill(_pick(_ways(options, step), rng, memory), n=metres(step.far_m))
     verb = _pick(words.STOP, rng, ())
     if step.place == "outside":
         return f"{verb} {_fill(_pick(words.OUTSIDE, rng, ()), **slots)}"

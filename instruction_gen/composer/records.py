@@ -20,6 +20,7 @@ class Step:
         doorway: through a doorway.
         other: a second thing (`between`).
         far_m: how far to walk [m].
+        bent: the way that this step tells has a bend of its own.
         place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `outside`, `past`,
             `after`.
         covers: Turns that this step describes, as indices into the facts' turns.
@@ -35,6 +36,7 @@ class Step:
     mark: Reference | None = None
     other: Reference | None = None
     far_m: float = 0.0
+    bent: bool = False
     place: str = ""
     covers: tuple[int, ...] = ()
 

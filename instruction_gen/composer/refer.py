@@ -116,10 +116,7 @@ def _refer(
     if alike:
         together = [
             m for m in alike
-            if (m.side == mark.side or at_goal) and m.noun == mark.noun
-            and abs(_place(m, at_goal) - _place(mark, at_goal)) <= 1.2
-            and (m.goal_distance_m if at_goal else m.distance_m) <= 3.0
-            and (not at_goal or m.goal_open)
+            if m.noun == mark.noun and (_at_hand(m, mark) if at_goal else _in_row(m, mark))
         ]  # fmt: skip
         same_room = [m for m in alike if m.room == mark.room]
         # Counted within its room, not over the whole path.
@@ -139,8 +136,16 @@ def _refer(
     )  # fmt: skip
 
 
-def _place(mark: LandmarkFact, at_goal: bool) -> float:
-    return mark.goal_distance_m if at_goal else mark.along_m
+def _in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:
+    """Return whether two things are passed as one group."""
+    near = abs(other.along_m - mark.along_m) <= 1.2 and other.distance_m <= 3.0
+    return near and other.side == mark.side
+
+
+def _at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
+    """Return whether one stops at two things alike, not at one with another a step away."""
+    near = abs(other.goal_distance_m - mark.goal_distance_m) <= 1.0
+    return near and other.goal_distance_m <= 2.5 and other.goal_open
 
 
 def _noticed(mark: LandmarkFact) -> bool:

@@ -19,6 +19,7 @@ _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step
 _TURN_AFTER_DOOR_M = 1.7
 _ROUND_DEG = 140.0
 _FAR_AHEAD_M = 2.5
+_AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 
 
@@ -44,7 +45,7 @@ def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
             if not steps:
                 rest = facts.length_m
         stop = replace(stop, far_m=rest)
-    return [*steps, stop]
+    return _bent([*steps, stop], facts)
 
 
 # moves ------------------------------------------------------------------------------------------
@@ -215,6 +216,20 @@ def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
     hall = facts.visits[-1]
     if hall.room == "hallway" and stop.along_m - max(before, hall.from_m) > _LONG_M:
         result.append(Step("follow", before + 0.2, room=hall.room))
+    return result
+
+
+def _bent(steps: Sequence[Step], facts: PathFacts) -> list[Step]:
+    """Mark the steps that tell a way with a bend, which nobody would call straight."""
+    result = []
+    for step, following in zip(steps, [*steps[1:], None], strict=True):
+        low, high = step.along_m, step.along_m + step.far_m
+        if step.kind == "stop":
+            low, high = facts.length_m - step.far_m, facts.length_m
+        elif step.kind == "ahead" and following is not None:
+            high = following.along_m
+        within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
+        result.append(replace(step, bent=any(within)))
     return result
 
 

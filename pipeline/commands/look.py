@@ -5,7 +5,7 @@ import sys
 from contextlib import nullcontext
 from dataclasses import asdict
 
-from ..doctor import examine, remedy
+from .. import doctor
 from ..engine.executors.base import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
@@ -15,7 +15,7 @@ from ..stages import report
 from ..store.address import store_url
 from ..store.mirror import local_copy
 from ..summary import print_result
-from ..verify.run import verify_run
+from ..verify.run import remedy, verify_run
 
 # Exit code of `verify` where nothing is wrong but that the run has not ended.
 UNFINISHED = 3
@@ -31,6 +31,7 @@ def run_verify(options: Verify) -> int:
     url = store_url(options.run)
     with local_copy(url) if url else nullcontext(options.run) as run:
         checks = verify_run(run)
+        advice = remedy(run, checks)
     bad = [c for c in checks if c.problem and not c.unfinished]
     open_ends = [c for c in checks if c.problem and c.unfinished]
     if options.json:
@@ -45,6 +46,8 @@ def run_verify(options: Verify) -> int:
         sys.stdout.writelines(f"{line}\n" for line in lines)
         unfinished = f", not finished: {len(open_ends)}" if open_ends else ""
         sys.stdout.write(f"outputs checked: {len(checks)}, bad: {len(bad)}{unfinished}\n")
+        if advice:
+            sys.stdout.write(f"{advice}\n")
     return 1 if bad else UNFINISHED if open_ends else 0
 
 
@@ -62,8 +65,8 @@ def run_report(options: Report) -> int:
 
 def run_doctor(options: Doctor) -> int:
     """Print the findings."""
-    findings = examine(options.out)
-    command = remedy(findings)
+    findings = doctor.examine(options.out)
+    command = doctor.remedy(findings)
     if options.json:
         value = {"findings": [asdict(f) for f in findings], "remedy": command}
         sys.stdout.write(json.dumps(value) + "\n")

@@ -44,6 +44,18 @@ class FileRecord:
         return f"{self.size} {self.sha256}"
 
 
+def resized(path: Path, record: FileRecord) -> str:
+    """Return whether a file is missing or of another size; empty if neither. It is not read.
+
+    Raises:
+        OSError: If it cannot be looked at.
+    """
+    if not path.is_file():
+        return "missing"
+    size = path.stat().st_size
+    return "" if size == record.size else f"has {size} bytes, {record.size} were written"
+
+
 def records_of(output: Path) -> Records:
     """Return the record of each file of an output, a file or a folder; none if it is missing."""
     if output.is_file():

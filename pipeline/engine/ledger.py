@@ -16,12 +16,13 @@ from typing import Any
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError, did_you_mean
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
-from .files import FileRecord, Records, files_in, path_in_run, records_of
+from .files import FileRecord, Records, files_in, path_in_run, records_of, resized
 from .rows import Row
 
 MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "manifest.journal.jsonl"
 QUARANTINE_NAME = "quarantine.json"
+MAX_NAMED = 5  # runs in an error message
 
 
 class Ledger:
@@ -83,7 +84,9 @@ class Ledger:
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
         if root.exists():
-            raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing)")
+            within = sorted(str(path.parent) for path in root.glob(f"*/{MANIFEST_NAME}"))
+            runs = f"; runs in it: {', '.join(within[:MAX_NAMED])}" if within else ""
+            raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing){runs}")
         runs = [manifest.parent.name for manifest in root.parent.glob(f"*/{MANIFEST_NAME}")]
         raise FileFormatError(root, f"no such folder{did_you_mean(root.name, runs)}")
 
@@ -114,14 +117,23 @@ class Ledger:
         return self._rows.get((stage, item))
 
     def is_done(self, stage: str, item: str, key: str) -> bool:
-        """Return whether the item was done under this key and its outputs still exist."""
+        """Return whether the item was done under this key and nothing of it is lost."""
         row = self.row(stage, item)
-        return (
-            row is not None
-            and row.status == "done"
-            and row.key == key
-            and all((self.root / path).exists() for path in row.outputs)
-        )
+        return row is not None and row.status == "done" and row.key == key and not self.lost(row)
+
+    def lost(self, row: Row) -> str:
+        """Return which file of an item's outputs is missing, or how its size changed; or nothing.
+
+        Contents are not read, which would take longer than much of the work; `verify` does.
+        """
+        for output in row.outputs:
+            if not (self.root / output).exists():
+                return f"{output} is missing"
+            for name, record in self._files.get(output, {}).items():
+                path = path_in_run(output, name)
+                if problem := resized(self.root / path, FileRecord.parse(record)):
+                    return f"{path} is missing" if problem == "missing" else f"{path} {problem}"
+        return ""
 
     def begin(self) -> None:
         """Note durably that the command has work to do."""
@@ -166,12 +178,15 @@ class Ledger:
             self._append([{"unrecord": known}])
 
     def record_new(self, folder: Path) -> None:
-        """Record the files in a folder that have no record yet, durably.
+        """Record the files in a folder that have no record yet, and drop the records of lost ones.
 
         For caches that workers add files to, and never change one.
         """
         paths = files_in(folder)
         self.record(p for p in paths if self.relative(p) not in self._files)
+        below = f"{self.relative(folder)}/"
+        known = [self.root / name for name in self._files if name.startswith(below)]
+        self.unrecord(path for path in known if not path.exists())
 
     def files(self) -> dict[str, FileRecord]:
         """Return the record of every file, by its path relative to `root`.

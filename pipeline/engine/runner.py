@@ -191,8 +191,7 @@ def why(
         if context.retry_quarantined or required or row.error.get("transient"):
             return f"it was quarantined: {row.error.get('reason', '')}"
         return ""
-    missing = [path for path in row.outputs if not (ledger.root / path).exists()]
-    return f"{missing[0]} is missing" if missing else ""
+    return ledger.lost(row)
 
 
 def _state(row: Row | None) -> str:

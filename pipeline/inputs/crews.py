@@ -4,13 +4,13 @@ import shutil
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from ...collectors.controllers import CONTROLLERS, SpeedConfig, get_controller, valid_controllers
+from ...collectors.controllers import CONTROLLERS, SpeedConfig, valid_controllers
 from ...collectors.controllers.speed import SpeedController
 from ...collectors.robots import ROBOTS, TIMESTEP_S, RobotSpec, get_robot
 from ...collectors.robots.folder.load import folder_digest
 from ...collectors.robots.folder.safety import folder_files
 from ...formats.core.atomic import atomic_folder
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 from ..engine.ledger import Ledger
 
@@ -52,7 +52,9 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
     """
     names = [] if text == AUTO else _names("--controller", text, CONTROLLERS)
     for name in names:
-        get_controller(name)
+        if name == AUTO:
+            raise InputError(f"--controller {text}: {AUTO} stands alone")
+        check_name("controller", name, (*CONTROLLERS, ALL, AUTO))
     result = []
     for robot in robots:
         valid = valid_controllers(robot)

@@ -7,7 +7,7 @@ that belong to such modules are repeated here; a test compares them.
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, did_you_mean
 
 
 def must_exist(*paths: Path | None) -> None:
@@ -17,7 +17,8 @@ def must_exist(*paths: Path | None) -> None:
     """
     for path in paths:
         if path is not None and not path.exists():
-            raise InputError(f"{path}: no such file or folder")
+            beside = (p.name for p in path.parent.iterdir()) if path.parent.is_dir() else ()
+            raise InputError(f"{path}: no such file or folder{did_you_mean(path.name, beside)}")
 
 
 def check_given(episodes: Sequence[Path]) -> None:

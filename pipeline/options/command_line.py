@@ -3,11 +3,12 @@
 import shlex
 from collections.abc import Collection, Sequence
 from dataclasses import MISSING, Field, fields
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from ...formats.core.checkout import program
-from ...formats.core.errors import InputError, brief, did_you_mean
+from ...formats.core.errors import InputError, brief, check_name, did_you_mean
 
 # Of these, a command that runs an item again has its own.
 LEFT_OUT = {
@@ -55,6 +56,7 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
     check_options(command, words, record)
     import tyro  # late, because the list of commands needs none of it
 
+    _check_choices(words, record)
     given = {word.split("=")[0].replace("_", "-") for word in words}
     needed = [one for one in fields(record) if one.default is MISSING]
     how: dict[str, Any] = {}
@@ -109,6 +111,21 @@ def check_options(command: str, words: Sequence[str], record: type) -> None:
     for word in (word.split("=")[0] for word in words if word.startswith("--")):
         if word.replace("_", "-") not in valid and not word.startswith(COMPLETION):
             raise unknown_word(command, word, valid)
+
+
+def _check_choices(words: Sequence[str], record: type) -> None:
+    """Raise UnknownNameError for a word after an option of some names that is none of them."""
+    choices = {
+        _option(one): get_args(kind)
+        for one in fields(record)
+        for kind in (one.type, *get_args(one.type))
+        if get_origin(kind) is Literal
+    }
+    for word, following in pairwise([*words, ABSENT]):
+        option, separator, value = word.partition("=")
+        option, value = option.replace("_", "-"), value if separator else following
+        if option in choices and value != ABSENT:
+            check_name(option, value, choices[option])
 
 
 def unknown_word(command: str, word: str, valid: Collection[str] = ()) -> InputError:

@@ -23,10 +23,11 @@ class Evaluate(Running, DiscreteActions, Mounting):
     run."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), cma or cma-h1 (trained models that come with vlnpe, for vlnce and for h1), map (an online
-    semantic map, without training; map-llm, map-vlm and map-vlm-llm ask a model for sub-goals,
-    labels, or both), vlm (a vision-language model, see docs/evaluation.md), a checkpoint of `vlnpe
-    train` (FILE.safetensors), or the address of a policy server (ws://HOST:PORT)."""
+    path), cma, cma-h1 or cma-robots (trained models that come with vlnpe: for vlnce; for h1; for
+    h1, aliengo and jetbot), map (an online semantic map, without training; map-llm, map-vlm and
+    map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a vision-language model, see
+    docs/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address of a
+    policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"

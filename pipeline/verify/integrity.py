@@ -8,7 +8,7 @@ from ...formats.core.atomic import TEMPORARY_PREFIX
 from ...formats.core.progress import progress_bar
 from ...instruction_gen.review.decisions import DecisionFile
 from ..engine.context import LEDGERS
-from ..engine.files import FileRecord
+from ..engine.files import FileRecord, resized
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..engine.lock import LOCK_NAME
 from ..jobs.reviewed import REVIEW_NAME
@@ -93,11 +93,8 @@ def nested_runs(root: Path) -> list[Path]:
 def _difference(path: Path, record: FileRecord) -> str:
     """Return how a file differs from its record; empty if it does not."""
     try:
-        if not path.is_file():
-            return "missing"
-        size = path.stat().st_size
-        if size != record.size:
-            return f"has {size} bytes, {record.size} were written"
+        if problem := resized(path, record):
+            return problem
         if FileRecord.of(path) != record:
             return "damaged: its SHA-256 is not that of what was written"
     except OSError as error:

@@ -1,5 +1,6 @@
 """`vlnpe verify`: hash every file of a run, open every output, and compare what they say."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -51,6 +52,27 @@ def verify_run(root: Path) -> list[Check]:
         name = folder.relative_to(ledger.root)
         checks += [replace(c, what=f"{name}: {c.what}") for c in verify_run(folder)]
     return checks
+
+
+def remedy(root: Path, checks: Iterable[Check]) -> str:
+    """Return how to make damaged files of a run anew; empty if none of the checks names one.
+
+    Args:
+        root: As for `verify_run`.
+        checks: What it returned.
+    """
+    try:
+        ledger = Ledger.existing(root)
+    except FileFormatError:
+        return ""
+    files = ledger.files()
+    bad = [check.what for check in checks if check.problem and check.what in files]
+    command = ledger.unfinished or ledger.finished
+    if not bad or not command:
+        return ""
+    there = any((ledger.root / name).exists() for name in bad)
+    first = "delete the damaged files, then " if there else ""
+    return f"to mend it: {first}run the command again, which makes them anew: {command}"
 
 
 def _verify_ledger(ledger: Ledger) -> list[Check]:

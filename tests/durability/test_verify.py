@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from tests.support.runs import tiny_run
 from tests.support.runs.flips import flipped
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.core.errors import FileFormatError
@@ -92,6 +93,29 @@ def test_missing_and_unknown_files_and_those_of_killed_processes_are_named(run: 
     assert "not in the manifest" in found.pop("notes.txt")
     assert "killed" in found.pop(str(left.relative_to(run)))
     assert found == {}
+
+
+@QUICK
+def test_the_advice_for_damaged_files_works(run: Path, scan: Path, capsys):
+    def one(pattern: str) -> Path:
+        return next(run.glob(pattern))
+
+    one("lerobot/*/meta/stats.json").write_text("{}")  # a later stage reads none of these
+    one("lerobot/*/videos/*depth/*/*.mp4").unlink()
+    one("models/*.mjb").unlink()
+    changed = one("frames/*/*/*/*/frames.npz")
+    content = bytearray(changed.read_bytes())
+    content[len(content) // 2] ^= 1
+    changed.write_bytes(content)
+    assert main(["verify", str(run)]) == 1
+    assert "to mend it: delete the damaged files, then run the command again" in (
+        capsys.readouterr().out
+    )
+    changed.unlink()
+    done = tiny_run.collect(scan, run)  # a changed size is noticed, a flipped byte is not
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert main(["verify", str(run)]) == 0
+    assert "to mend it" not in capsys.readouterr().out
 
 
 @QUICK

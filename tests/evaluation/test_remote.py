@@ -84,7 +84,7 @@ def test_server_failures_are_reported_and_the_connection_is_reopened(
     server, answer, message
 ) -> None:
     url, _ = server(f"{answer} if self.count == 1 and self.episode['robot'] == 'h1' else 3")
-    policy = RemotePolicy(url, timeout_s=0.5)
+    policy = RemotePolicy(url, timeout_s=0.5 if "sleep" in answer else 30.0)
     policy.reset(Assignment("e0", "house", ASSIGNMENT.instruction, "h1", "speed"))
     with pytest.raises(PolicyError, match=message):
         policy.act(seen())

@@ -22,6 +22,10 @@ LARGEST_BYTES = 2_000_000
 CELLS = {
     "cma": ("evidence.json", "cma-3-times-the-steps-s2--vlnce-flash-baked"),
     "cma-h1": ("evidence.json", "cma-on-h1-speed-s0--h1-speed-baked"),
+    "cma-robots": (
+        "evidence-second.json",
+        "cma-on-h1-speed-aliengo-speed-jetbot-speed-equal-passes-s0--aliengo-speed-baked",
+    ),
 }
 
 
@@ -46,6 +50,7 @@ def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> 
         ("random", "h1", "speed"),
         ("cma", "vlnce", "flash"),
         ("cma-h1", "h1", "speed"),
+        *(("cma-robots", robot, "speed") for robot in ("h1", "aliengo", "jetbot")),
     ):
         _warn_of_other_training(policy, robot, controller, "baked")
     assert not caplog.records

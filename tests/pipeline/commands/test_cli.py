@@ -116,9 +116,7 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize(
-    "arguments", [[], ["collect", "--robot"], ["convert", "data", "--to", "lerobott"]]
-)
+@pytest.mark.parametrize("arguments", [[], ["collect", "--robot"], ["convert", "data", "--to"]])
 def test_bad_calls_exit_with_code_2(
     arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -188,6 +186,22 @@ def test_a_missing_option_is_answered_with_one_line(
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"vlnpe: error: {said}; see ")
     assert line.endswith(f"vlnpe {words[0]} --help")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["convert", "data", "--to", "rlds"], "unknown --to 'rlds'; valid: lerobot, mcap, n1"),
+        (["convert", "data", "--to=mcp"], "unknown --to 'mcp' (did you mean mcap?); valid: "),
+        (["convert", "d", "--to=n1", "--scan", "r2r_h1"], "unknown --scan 'r2r_h1'"),
+    ],
+)
+def test_a_choice_that_there_is_not_lists_those_that_there_are(
+    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"vlnpe: error: {said}")
 
 
 @pytest.mark.filterwarnings("ignore:get_parser")
