@@ -45,7 +45,7 @@ class FileRecord:
 
 
 def resized(path: Path, record: FileRecord) -> str:
-    """Return whether a file is missing or of another size; empty if neither. It is not read.
+    """Return how a file is damaged, missing or of another size; empty if neither. It is not read.
 
     Raises:
         OSError: If it cannot be looked at.

@@ -85,7 +85,8 @@ class Ledger:
                 return Ledger(folder)
         if root.exists():
             within = sorted(str(path.parent) for path in root.glob(f"*/{MANIFEST_NAME}"))
-            runs = f"; runs in it: {', '.join(within[:MAX_NAMED])}" if within else ""
+            more = ", …" if len(within) > MAX_NAMED else ""
+            runs = f"; runs in it: {', '.join(within[:MAX_NAMED])}{more}" if within else ""
             raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing){runs}")
         runs = [manifest.parent.name for manifest in root.parent.glob(f"*/{MANIFEST_NAME}")]
         raise FileFormatError(root, f"no such folder{did_you_mean(root.name, runs)}")

@@ -4,10 +4,14 @@
 that belong to such modules are repeated here; a test compares them.
 """
 
+import contextlib
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 
 from ...formats.core.errors import InputError, did_you_mean
+
+_COMPARED = 1000  # names in a folder that a missing one is compared with
 
 
 def must_exist(*paths: Path | None) -> None:
@@ -17,7 +21,9 @@ def must_exist(*paths: Path | None) -> None:
     """
     for path in paths:
         if path is not None and not path.exists():
-            beside = (p.name for p in path.parent.iterdir()) if path.parent.is_dir() else ()
+            beside: list[str] = []
+            with contextlib.suppress(OSError):
+                beside = [p.name for p in islice(path.parent.iterdir(), _COMPARED)]
             raise InputError(f"{path}: no such file or folder{did_you_mean(path.name, beside)}")
 
 

@@ -124,7 +124,8 @@ def _check_choices(words: Sequence[str], record: type) -> None:
     for word, following in pairwise([*words, ABSENT]):
         option, separator, value = word.partition("=")
         option, value = option.replace("_", "-"), value if separator else following
-        if option in choices and value != ABSENT:
+        missing = value in (ABSENT, "None") or value.startswith("-")  # tyro says so
+        if option in choices and not missing:
             check_name(option, value, choices[option])
 
 

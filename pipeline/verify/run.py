@@ -55,7 +55,7 @@ def verify_run(root: Path) -> list[Check]:
 
 
 def remedy(root: Path, checks: Iterable[Check]) -> str:
-    """Return how to make damaged files of a run anew; empty if none of the checks names one.
+    """Return how to make damaged files anew; empty if no check names one or no command is known.
 
     Args:
         root: As for `verify_run`.
@@ -72,7 +72,7 @@ def remedy(root: Path, checks: Iterable[Check]) -> str:
         return ""
     there = any((ledger.root / name).exists() for name in bad)
     first = "delete the damaged files, then " if there else ""
-    return f"to mend it: {first}run the command again, which makes them anew: {command}"
+    return f"to mend it: {first}run the command that made them; the last one was: {command}"
 
 
 def _verify_ledger(ledger: Ledger) -> list[Check]:

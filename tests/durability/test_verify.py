@@ -108,7 +108,7 @@ def test_the_advice_for_damaged_files_works(run: Path, scan: Path, capsys):
     content[len(content) // 2] ^= 1
     changed.write_bytes(content)
     assert main(["verify", str(run)]) == 1
-    assert "to mend it: delete the damaged files, then run the command again" in (
+    assert "to mend it: delete the damaged files, then run the command that made them" in (
         capsys.readouterr().out
     )
     changed.unlink()
