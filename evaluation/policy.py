@@ -193,8 +193,7 @@ def checkpoint_path(name: str) -> Path | None:
         if not part.is_file():
             raise InputError(
                 f"{part}: no such file. `vlnpe train` writes a checkpoint as two files, "
-                f"NAME{CHECKPOINT_SUFFIX} and NAME.json; policies that need no file: "
-                f"{', '.join(sorted({*POLICIES, ORACLE, *shipped_policies()}))}"
+                f"NAME{CHECKPOINT_SUFFIX} and NAME.json; valid: {', '.join(valid_policies())}"
             )
     return path
 

@@ -56,6 +56,23 @@ def resized(path: Path, record: FileRecord) -> str:
     return "" if size == record.size else f"has {size} bytes, {record.size} were written"
 
 
+def lost(root: Path, output: str, records: Records) -> str:
+    """Return which file of an output is missing, or how its size changed; empty if none.
+
+    Args:
+        root: Folder of the ledger.
+        output: Path of the output, relative to `root`.
+        records: Of its files; none of them is read, which would take longer than much of the work.
+    """
+    if not (root / output).exists():
+        return f"{output} is missing"
+    for name, record in records.items():
+        path = path_in_run(output, name)
+        if problem := resized(root / path, FileRecord.parse(record)):
+            return f"{path} is missing" if problem == "missing" else f"{path} {problem}"
+    return ""
+
+
 def records_of(output: Path) -> Records:
     """Return the record of each file of an output, a file or a folder; none if it is missing."""
     if output.is_file():

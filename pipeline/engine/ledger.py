@@ -14,15 +14,19 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
-from ...formats.core.errors import FileFormatError, did_you_mean
+from ...formats.core.errors import FileFormatError, brief, did_you_mean
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
-from .files import FileRecord, Records, files_in, path_in_run, records_of, resized
+from .files import FileRecord, Records, files_in, lost, path_in_run, records_of
 from .rows import Row
 
 MANIFEST_NAME = "manifest.json"
 JOURNAL_NAME = "manifest.journal.jsonl"
 QUARANTINE_NAME = "quarantine.json"
-MAX_NAMED = 5  # runs in an error message
+
+
+def _runs_in(folder: Path) -> list[str]:
+    """Return the names of the runs directly in a folder."""
+    return sorted(manifest.parent.name for manifest in folder.glob(f"*/{MANIFEST_NAME}"))
 
 
 class Ledger:
@@ -84,12 +88,11 @@ class Ledger:
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
         if root.exists():
-            within = sorted(str(path.parent) for path in root.glob(f"*/{MANIFEST_NAME}"))
-            more = ", …" if len(within) > MAX_NAMED else ""
-            runs = f"; runs in it: {', '.join(within[:MAX_NAMED])}{more}" if within else ""
-            raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing){runs}")
-        runs = [manifest.parent.name for manifest in root.parent.glob(f"*/{MANIFEST_NAME}")]
-        raise FileFormatError(root, f"no such folder{did_you_mean(root.name, runs)}")
+            within = f"; runs in it: {brief(runs)}" if (runs := _runs_in(root)) else ""
+            raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing){within}")
+        raise FileFormatError(
+            root, f"no such folder{did_you_mean(root.name, _runs_in(root.parent))}"
+        )
 
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""
@@ -123,18 +126,9 @@ class Ledger:
         return row is not None and row.status == "done" and row.key == key and not self.lost(row)
 
     def lost(self, row: Row) -> str:
-        """Return which file of an item's outputs is missing, or how its size changed; or nothing.
-
-        Contents are not read, which would take longer than much of the work; `verify` does.
-        """
-        for output in row.outputs:
-            if not (self.root / output).exists():
-                return f"{output} is missing"
-            for name, record in self._files.get(output, {}).items():
-                path = path_in_run(output, name)
-                if problem := resized(self.root / path, FileRecord.parse(record)):
-                    return f"{path} is missing" if problem == "missing" else f"{path} {problem}"
-        return ""
+        """Return which file of an item's outputs is missing or resized; empty if none."""
+        found = (lost(self.root, path, self._files.get(path, {})) for path in row.outputs)
+        return next(filter(None, found), "")
 
     def begin(self) -> None:
         """Note durably that the command has work to do."""

@@ -54,9 +54,9 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
         InputError: An option is unknown, or one that the command needs is missing.
     """
     check_options(command, words, record)
+    _check_choices(words, record)
     import tyro  # late, because the list of commands needs none of it
 
-    _check_choices(words, record)
     given = {word.split("=")[0].replace("_", "-") for word in words}
     needed = [one for one in fields(record) if one.default is MISSING]
     how: dict[str, Any] = {}
@@ -124,8 +124,8 @@ def _check_choices(words: Sequence[str], record: type) -> None:
     for word, following in pairwise([*words, ABSENT]):
         option, separator, value = word.partition("=")
         option, value = option.replace("_", "-"), value if separator else following
-        missing = value in (ABSENT, "None") or value.startswith("-")  # tyro says so
-        if option in choices and not missing:
+        left_to_tyro = value in (ABSENT, "None") or value.startswith("-")
+        if option in choices and not left_to_tyro:
             check_name(option, value, choices[option])
 
 

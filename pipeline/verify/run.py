@@ -55,18 +55,20 @@ def verify_run(root: Path) -> list[Check]:
 
 
 def remedy(root: Path, checks: Iterable[Check]) -> str:
-    """Return how to make damaged files anew; empty if no check names one or no command is known.
+    """Return how to restore damaged files; empty if no check names one or no command is known.
 
     Args:
         root: As for `verify_run`.
         checks: What it returned.
     """
+    bad = {check.what for check in checks if check.problem}
+    if not bad:
+        return ""
     try:
         ledger = Ledger.existing(root)
     except FileFormatError:
         return ""
-    files = ledger.files()
-    bad = [check.what for check in checks if check.problem and check.what in files]
+    bad &= ledger.files().keys()
     command = ledger.unfinished or ledger.finished
     if not bad or not command:
         return ""

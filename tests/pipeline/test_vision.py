@@ -106,14 +106,15 @@ def test_a_killed_run_goes_on_and_pays_nothing_twice(tmp_path: Path) -> None:
 
 def test_a_scene_with_labels_costs_nothing_and_changes_nothing(tmp_path: Path) -> None:
     out = tmp_path / "run"
+    boxes = {  # the file's y is the world's z
+        "sofa": ([0.1, 0.0, -0.4], [0.4, 1.0, -0.1]),
+        "room:office": ([0.0, 0.0, -4.0], [4.05, 2.6, 0.0]),
+        "room:bedroom": ([4.05, 0.0, -4.0], [8.0, 2.6, 0.0]),
+    }
+    labels = [{"name": c, "category": c, "lower": a, "upper": b} for c, (a, b) in boxes.items()]
+    (tmp_path / "scan.labels.json").write_text(json.dumps({"frame": "source", "objects": labels}))
     bare = tiny_run.run(command(tmp_path, "--only-episodes"))
     assert bare.returncode == 0, bare.stderr[-3000:]
-    (index,) = (out / "scenes").glob("*/scene.json")
-    scene = json.loads(index.read_text())
-    box = {"lower_m": [0.1, 0.1, 0.0], "upper_m": [0.4, 0.4, 1.0], "level": 0}
-    for category in ("sofa", "room:office"):
-        scene["objects"].append({"name": category, "category": category, **box})
-    index.write_text(json.dumps(scene))
     before = (out / "episodes" / "train.json.gz").read_bytes()
     with Server(script).running() as server:
         asked = command(tmp_path, "--only-episodes", "--vision")
