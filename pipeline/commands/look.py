@@ -37,7 +37,7 @@ def run_verify(options: Verify) -> int:
     if options.json:
         kinds = {"problems": bad, "unfinished": open_ends}
         found = {kind: [asdict(c) for c in some] for kind, some in kinds.items()}
-        sys.stdout.write(json.dumps({"checked": len(checks), **found}) + "\n")
+        sys.stdout.write(json.dumps({"checked": len(checks), **found, "remedy": advice}) + "\n")
     else:
         lines = [f"BAD  {check.what}: {check.problem}" for check in bad]
         lines += [f"NOT FINISHED  {c.what}: {c.problem}" for c in open_ends[:SHOWN]]

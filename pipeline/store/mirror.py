@@ -144,7 +144,8 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
                 "%s contains no run: continuing with the contents of %s", store.url, scratch
             )
         return {}
-    there, held = _ledger_of(manifest), set(store.names())
+    there = _ledger_of(manifest)
+    held = _held(store, there)
     if not _is_current(scratch, manifest):
         _pull(store, scratch, manifest, there, held)
     return {name: record for name, record in there.files().items() if name in held}
@@ -159,7 +160,7 @@ def _pull(
         scratch: The folder to change.
         manifest: The store's manifest.
         there: The ledger that it describes.
-        held: Names of the files that the store holds.
+        held: What `_held` returned.
     """
     here, names = Ledger(scratch), there.files()
     before = here.files()
@@ -175,7 +176,8 @@ def _pull(
         (scratch / name).unlink(missing_ok=True)
     if lost := missing.keys() - held:
         log.warning(
-            "%s: %d files of its manifest are missing, e.g. %s; their items run again",
+            "%s: %d files of its manifest are missing or have changed size, e.g. %s; "
+            "their items run again",
             *(store.url, len(lost), min(lost)),
         )
     store.download({name: path for name, path in missing.items() if name in held})
@@ -216,8 +218,15 @@ def fetched(url: str) -> Path:
     if manifest is None:
         raise StoreError(f"{url}: not a run folder ({MANIFEST_NAME} is missing)")
     if not _is_current(scratch, manifest):
-        _pull(store, scratch, manifest, _ledger_of(manifest), set(store.names()))
+        there = _ledger_of(manifest)
+        _pull(store, scratch, manifest, there, _held(store, there))
     return scratch
+
+
+def _held(store: ObjectFolder, there: Ledger) -> set[str]:
+    """Return the names of the files of a ledger that the store holds with their recorded sizes."""
+    sizes, files = store.sizes(), there.files()
+    return {n for n in sizes.keys() & files.keys() if sizes[n] in (None, files[n].size)}
 
 
 def _is_current(scratch: Path, manifest: bytes) -> bool:

@@ -96,8 +96,12 @@ class ObjectFolder:
 
     def names(self) -> list[str]:
         """Return the names of all objects."""
-        found = self._try(lambda: self.files.find(self.path), missing=[])
-        return sorted(name.removeprefix(f"{self.path}/") for name in found)
+        return sorted(self.sizes())
+
+    def sizes(self) -> dict[str, int | None]:
+        """Return the size of each object [bytes] by its name; None where the store has no sizes."""
+        found = self._try(lambda: self.files.find(self.path, detail=True), missing={})
+        return {name.removeprefix(f"{self.path}/"): one.get("size") for name, one in found.items()}
 
     def _full(self, name: str) -> str:
         return f"{self.path}/{name}"

@@ -74,7 +74,7 @@ def remedy(root: Path, checks: Iterable[Check]) -> str:
         return ""
     there = any((ledger.root / name).exists() for name in bad)
     first = "delete the damaged files, then " if there else ""
-    return f"to mend it: {first}run the command that made them; the last one was: {command}"
+    return f"to repair the run: {first}run the command that made them; the last one was: {command}"
 
 
 def _verify_ledger(ledger: Ledger) -> list[Check]:

@@ -105,6 +105,25 @@ def test_two_machines_add_to_one_run(bucket: ObjectFolder, tmp_path: Path):
     assert set(bucket.names()) >= {"out/a", "out/b", MANIFEST_NAME}
 
 
+@pytest.mark.parametrize("scratch", ["same", "another"])
+def test_a_truncated_object_is_uploaded_again_or_its_item_redone(
+    bucket: ObjectFolder, tmp_path: Path, scratch: str
+):
+    for name in ("same", "another"):
+        (tmp_path / name).mkdir()
+    ledger = MirroredLedger(tmp_path / "same", bucket, {})
+    row = _row("a", "whole", ledger)
+    ledger.finish()
+    bucket.write("out/a", b"who")
+    root = tmp_path / scratch
+    later = MirroredLedger(root, bucket, pull(bucket, root))
+    assert later.is_done("work", "a", row.key) == (scratch == "same")
+    if scratch == "another":
+        _row("a", "whole", later)
+    later.finish()
+    assert bucket.read("out/a") == b"whole"
+
+
 def test_work_not_uploaded_joins_that_of_another_machine(bucket: ObjectFolder, tmp_path: Path):
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()

@@ -108,14 +108,17 @@ def test_the_advice_for_damaged_files_works(run: Path, scan: Path, capsys):
     content[len(content) // 2] ^= 1
     changed.write_bytes(content)
     assert main(["verify", str(run)]) == 1
-    assert "to mend it: delete the damaged files, then run the command that made them" in (
+    assert "to repair the run: delete the damaged files, then run the command that made them" in (
         capsys.readouterr().out
     )
+    assert main(["verify", str(run), "--json"]) == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["remedy"].startswith("to repair the run: delete") and len(found["problems"]) == 4
     changed.unlink()
     done = tiny_run.collect(scan, run)  # a changed size is noticed, a flipped byte is not
     assert done.returncode == 0, done.stderr[-2000:]
     assert main(["verify", str(run)]) == 0
-    assert "to mend it" not in capsys.readouterr().out
+    assert "to repair the run" not in capsys.readouterr().out
 
 
 @QUICK
