@@ -6,8 +6,8 @@ import numpy as np
 
 from ..language.clauses import Clause, Noun
 from ..language.lexicon import singular
-from ..language.other_things import OTHER_THINGS
 from .ground import Found, Ground, Mask, room_names, spread
+from .other_things import OTHER_THINGS
 
 _ABREAST_M = 1.8
 
