@@ -10,7 +10,7 @@ from .shared import DatasetFormat, Drawing, Driving, Orientation, Wording
 
 
 @dataclass(frozen=True)
-class Collect(Running, Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation):
+class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, Running):
     """Collect a dataset: repair, sample, instruct, replay, render, export, report.
 
     All outputs go into one run folder. Finished work is reused, and changing an option redoes only

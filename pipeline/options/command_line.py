@@ -2,7 +2,8 @@
 
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import MISSING, Field, fields
+from dataclasses import MISSING, Field, field, fields, make_dataclass
+from inspect import get_annotations
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args, get_origin
@@ -59,18 +60,15 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
 
     given = {word.split("=")[0].replace("_", "-") for word in words}
     needed = [one for one in fields(record) if one.default is MISSING]
-    how: dict[str, Any] = {}
-    if not HELP & given:  # which says what is required
-        how["default"] = record(
-            **{f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
-        )
+    asked = bool(HELP & given)  # then tyro exits, and says what is required
+    stand_ins = {f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
     options, strays = tyro.cli(
-        record,
+        _with_help(record) if asked else record,
         prog=f"vlnpe {command}",
         args=words,
         config=(tyro.conf.OmitArgPrefixes,),
         return_unknown_args=True,
-        **how,
+        **({} if asked else {"default": record(**stand_ins)}),
     )
     if strays:
         raise unknown_word(command, strays[0], option_names(record))
@@ -83,6 +81,29 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
         what = f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
         raise InputError(f"{command}: {what}; see {program()} {command} --help")
     return options
+
+
+def _with_help(record: type) -> type:
+    """Return a dataclass whose help has a class's own options before those of its bases.
+
+    Tyro lists options of bases first, and keeps the line breaks of docstrings that are indented.
+    """
+    import tyro
+    from docstring_parser import parse_from_object
+
+    by_name = {one.name: one for one in fields(record)}
+    texts: dict[str, str] = {}
+    for base in reversed(record.__mro__[:-1]):
+        for text in parse_from_object(base).params:
+            texts[text.arg_name] = " ".join((text.description or "").split())
+    order = [name for base in record.__mro__ for name in get_annotations(base) if name in by_name]
+    parts = []
+    for one in (by_name[name] for name in dict.fromkeys(order)):
+        kind = Annotated[one.type, tyro.conf.arg(help=texts.get(one.name))]
+        parts.append((one.name, kind, field(default=one.default)))
+    return make_dataclass(
+        record.__name__, parts, namespace={"__doc__": record.__doc__}, kw_only=True
+    )
 
 
 def _option(one: Field[Any]) -> str:

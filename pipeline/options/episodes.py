@@ -53,7 +53,7 @@ class Sampling(Clearance):
 
 
 @dataclass(frozen=True)
-class Align(Parallel, WalkedBy):
+class Align(WalkedBy, Parallel):
     """Transform VLN-CE episodes into the frame of repaired scenes, snapped to free floor."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]
@@ -110,7 +110,7 @@ class Filter(Parallel):
 
 
 @dataclass(frozen=True)
-class Sample(Parallel, Sampling, WalkedBy):
+class Sample(Sampling, WalkedBy, Parallel):
     """Sample new trajectories in repaired scenes."""
 
     scenes: tyro.conf.Positional[tuple[Path, ...]] = ()

@@ -12,14 +12,14 @@ from .shared import DiscreteActions, Mounting, Printing
 
 
 @dataclass(frozen=True)
-class Evaluate(Running, DiscreteActions, Mounting):
+class Evaluate(DiscreteActions, Mounting, Running):
     """Evaluate a policy in closed loop: success, falls, distance to the goal, path length.
 
     Example: vlnpe evaluate runs/apartment-0 --policy random --robot h1
     """
 
     episodes: tyro.conf.Positional[Path]
-    """Run folder of `collect`, or an episode file (.json.gz), with --scenes where it lies in no
+    """Run folder of `collect`, or an episode file (.json.gz), with --scenes if it is not part of a
     run."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the

@@ -9,7 +9,7 @@ from .shared import Parallel, Wording
 
 
 @dataclass(frozen=True)
-class Instruct(Parallel, Wording):
+class Instruct(Wording, Parallel):
     """Write instructions for the episodes that have none."""
 
     episodes: tyro.conf.Positional[Path]

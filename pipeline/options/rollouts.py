@@ -10,7 +10,7 @@ from .shared import DatasetFormat, Drawing, Driving
 
 
 @dataclass(frozen=True)
-class Replay(Running, Driving):
+class Replay(Driving, Running):
     """Execute episodes with a physically simulated robot; records states, no images."""
 
     episodes: tyro.conf.Positional[Path]
@@ -27,7 +27,7 @@ class Replay(Running, Driving):
 
 
 @dataclass(frozen=True)
-class Render(Running, Drawing):
+class Render(Drawing, Running):
     """Render rollouts: RGB and depth from any camera, or preview videos."""
 
     rollouts: tyro.conf.Positional[Path]
@@ -56,7 +56,7 @@ class Render(Running, Drawing):
 
 
 @dataclass(frozen=True)
-class Export(Running, DatasetFormat):
+class Export(DatasetFormat, Running):
     """Export rendered rollouts as LeRobot v3 datasets and as MCAP files."""
 
     frames: tyro.conf.Positional[Path]

@@ -26,7 +26,7 @@ class Scan(Printing):
 
 
 @dataclass(frozen=True)
-class Repair(Printing, Orientation):
+class Repair(Orientation, Printing):
     """Turn a scan into a simulation-ready scene: fill floor holes and build collision geometry."""
 
     scan: tyro.conf.Positional[Path]

@@ -80,8 +80,8 @@ class Train(Printing):
     validate_split: str | None = None
     """Split of these episodes, for example val_seen; all by default."""
     augment: int = 0
-    """Number of further paths to train on (as EnvDrop's): sampled in the training's scenes, away
-    from held-out ones, told by the composer and walked by the expert, in <out>/augmented."""
+    """Number of additional paths to train on (as in EnvDrop): sampled in the training scenes, away
+    from held-out paths, described by the composer and walked by the expert, in <out>/augmented."""
     dagger: int = 0
     """Rounds of DAgger after training: the model executes training episodes of --run, the
     expert labels each pose, and training continues on both, in <out>/dagger-<round>."""

@@ -85,6 +85,19 @@ def test_help_of_evaluate_names_every_policy(
         assert [n for n in names if not re.search(rf"(?<![\w-]){n}(?![\w-])", said)] == [], option
 
 
+def test_help_has_a_command_s_own_options_first_each_in_one_paragraph(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "1000")
+    with pytest.raises(SystemExit):
+        main(["collect", "--help"])
+    lines = [line.strip("│| ") for line in capsys.readouterr().out.splitlines()]
+    options = [line.split()[0] for line in lines if re.match("--?[a-z]", line)]
+    assert options[:4] == ["-h,", "--robot", "--scene", "--scenes"]
+    assert options[-1].startswith("--json") and len(options) == len(set(options))
+    assert any(line.startswith("--robot ") and "widest one. (default:" in line for line in lines)
+
+
 def test_help_lists_every_command() -> None:
     *text, _ = help_and_modules("")
     listed = [line.split()[0] for line in text if line.startswith("    ") and line[4] != " "]
