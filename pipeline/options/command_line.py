@@ -6,6 +6,7 @@ from dataclasses import MISSING, Field, field, fields, make_dataclass
 from inspect import get_annotations
 from itertools import pairwise
 from pathlib import Path
+from types import NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from ...formats.core.checkout import program
@@ -86,7 +87,8 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
 def _with_help(record: type) -> type:
     """Return a dataclass whose help has a class's own options before those of its bases.
 
-    Tyro lists options of bases first, and keeps the line breaks of docstrings that are indented.
+    Tyro lists options of bases first, keeps the line breaks of docstrings that are indented, and
+    writes `{None}|PATH (default: None)` where the text says what happens without the option.
     """
     import tyro
     from docstring_parser import parse_from_object
@@ -99,8 +101,14 @@ def _with_help(record: type) -> type:
     order = [name for base in record.__mro__ for name in get_annotations(base) if name in by_name]
     parts = []
     for one in (by_name[name] for name in dict.fromkeys(order)):
-        kind = Annotated[one.type, tyro.conf.arg(help=texts.get(one.name))]
-        parts.append((one.name, kind, field(default=one.default)))
+        shown: dict[str, Any] = {"help": texts.get(one.name)}
+        if one.default is None:
+            shown["help_behavior_hint"] = ""
+            (kind,) = (kind for kind in get_args(one.type) if kind is not NoneType)
+            names = ",".join(get_args(kind))  # of a Literal
+            shown["metavar"] = f"{{{names}}}" if names else kind.__name__.upper()
+        described = Annotated[one.type, tyro.conf.arg(**shown)]
+        parts.append((one.name, described, field(default=one.default)))
     return make_dataclass(
         record.__name__, parts, namespace={"__doc__": record.__doc__}, kw_only=True
     )

@@ -96,6 +96,8 @@ def test_help_has_a_command_s_own_options_first_each_in_one_paragraph(
     assert options[:4] == ["-h,", "--robot", "--scene", "--scenes"]
     assert options[-1].startswith("--json") and len(options) == len(set(options))
     assert any(line.startswith("--robot ") and "widest one. (default:" in line for line in lines)
+    assert any(line.startswith("--scenes PATH ") for line in lines)
+    assert not any("None" in line for line in lines)
 
 
 def test_help_lists_every_command() -> None:
