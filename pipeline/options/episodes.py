@@ -35,7 +35,7 @@ class Sampling(Clearance):
     max_detour: float = SampleConfig.max_detour
     """Maximum length of a sampled path relative to the shortest one."""
     max_turning_deg: float | None = SampleConfig.max_turning_deg
-    """Maximum sum of a sampled path's turns [deg]."""
+    """Maximum sum of a sampled path's turns [deg]; unlimited by default."""
     heading: str = SampleConfig.heading
     """Initial heading of the robot: path (along the path) or random."""
     splits: str = ""
