@@ -226,7 +226,7 @@ def _longest(maps: Sequence[Freemap], radius_m: float, ends_m: float) -> tuple[f
 def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
     """Say which options help, by the longest way now and with ends no wider than the robot [m]."""
     if with_tight_ends_m < LEAST_WORTH_M:
-        return "No option helps: there is hardly room to walk"
+        return f"With {radius_m:.2f} m of clearance there is hardly room to walk at all"
     help_text, way_m = "Shorter paths may be had:", longest_m
     if longest_m < LEAST_WORTH_M:
         help_text = f"Less room to turn gives shorter paths: --end-clearance-m {radius_m:g}"

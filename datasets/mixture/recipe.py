@@ -161,6 +161,8 @@ def recipe_of(value: Any) -> Recipe:
     """
     top = _mapping("a recipe", value)
     version = top.pop("recipe", None)
+    if version is None:
+        raise InputError(f"has no version; a recipe begins with the line `recipe: {VERSION}`")
     if version != VERSION:
         raise InputError(f"recipe: version {brief(version)}; valid: {VERSION}")
     sources = {

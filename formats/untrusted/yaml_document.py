@@ -26,6 +26,9 @@ def read_yaml(path: Path) -> Any:
         text = read_input(path, max_bytes=limits().text_bytes).decode()
         _check_events(path, text)
         return yaml.safe_load(text)
+    except yaml.MarkedYAMLError as error:
+        line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
+        raise FileFormatError(path, f"not YAML: {line}{error.problem}") from error
     except yaml.YAMLError as error:
         raise FileFormatError(path, f"not YAML: {_brief(error)}") from error
     except (ValueError, RecursionError) as error:  # dates that do not exist, bad UTF-8

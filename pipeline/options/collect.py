@@ -38,7 +38,8 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     (.json.gz), or several of them, comma-separated, one per split."""
     robot_radius_m: float = SampleConfig.robot_radius_m
     """Clearance of sampled paths [m]; a wider robot in the run raises it. Set it to that of the
-    widest robot that may join the run later, so that the paths stay the same (jetbot: 0.38)."""
+    widest robot that may join the run later, so that the paths stay the same (0.38 for the
+    jetbot, which is five times as large as the toy)."""
     stair_rules: str = "step"
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
@@ -47,7 +48,8 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     rejecting them."""
     camera: str = "ego"
     """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
-    optional size and field of view (ego:640x480:79). Each camera becomes a separate dataset."""
+    optional size [px] and horizontal field of view [deg] (ego:640x480:79, ego:64x64, ego:79). Each
+    camera becomes a separate dataset."""
     collision: Path | None = None
     """Mesh, USD stage or InteriorGS' occupancy.png to use as the surface of Gaussian splats."""
     allow_unsound: bool = False

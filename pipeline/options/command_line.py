@@ -56,7 +56,7 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
         InputError: An option is unknown, or one that the command needs is missing.
     """
     check_options(command, words, record)
-    _check_choices(words, record)
+    _check_values(command, words, record)
     import tyro  # late, because the list of commands needs none of it
 
     given = {word.split("=")[0].replace("_", "-") for word in words}
@@ -142,20 +142,32 @@ def check_options(command: str, words: Sequence[str], record: type) -> None:
             raise unknown_word(command, word, valid)
 
 
-def _check_choices(words: Sequence[str], record: type) -> None:
-    """Raise UnknownNameError for a word after an option of some names that is none of them."""
-    choices = {
-        _option(one): get_args(kind)
-        for one in fields(record)
-        for kind in (one.type, *get_args(one.type))
-        if get_origin(kind) is Literal
-    }
+def _check_values(command: str, words: Sequence[str], record: type) -> None:
+    """Raise InputError for an option without its value, or with one that is not of its kind.
+
+    Tyro answers these with a box of many lines; where it says nothing of a value, this does not.
+    """
+    kinds = {_option(f): (f.type, *get_args(f.type)) for f in fields(record)}
     for word, following in pairwise([*words, ABSENT]):
         option, separator, value = word.partition("=")
         option, value = option.replace("_", "-"), value if separator else following
-        left_to_tyro = value in (ABSENT, "None") or value.startswith("-")
-        if option in choices and not left_to_tyro:
-            check_name(option, value, choices[option])
+        of = kinds.get(option, ())
+        if not of or bool in of:
+            continue
+        if value == ABSENT or (value.startswith("--") and not separator):
+            raise InputError(f"{option}: no value follows; see {program()} {command} --help")
+        number = int if int in of else float if float in of else None
+        choices = next((get_args(kind) for kind in of if get_origin(kind) is Literal), ())
+        if NoneType in of and value == "None":
+            continue
+        if choices:
+            check_name(option, value, choices)
+        elif number:
+            try:
+                number(value)
+            except ValueError as error:
+                kind = "a whole number" if number is int else "a number"
+                raise InputError(f"{option} {brief(value)}: not {kind}") from error
 
 
 def unknown_word(command: str, word: str, valid: Collection[str] = ()) -> InputError:

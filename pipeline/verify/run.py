@@ -1,15 +1,18 @@
 """`vlnpe verify`: hash every file of a run, open every output, and compare what they say."""
 
-from collections.abc import Iterable
+import shlex
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ...collectors.robots.registry import ROBOTS
 from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ...formats.scene.bundle import INDEX_NAME
 from ..engine.context import LEDGERS
 from ..engine.ledger import MANIFEST_NAME, Ledger
 from ..engine.lock import refuse_if_locked
+from ..options.collect import Collect
 from .coverage import check_coverage
 from .integrity import Check, check_files, check_ledger, nested_runs, problem_of
 from .outputs import check_output, check_scene
@@ -74,7 +77,33 @@ def remedy(root: Path, checks: Iterable[Check]) -> str:
         return ""
     there = any((ledger.root / name).exists() for name in bad)
     first = "delete the damaged files, then " if there else ""
-    return f"to repair the run: {first}run the command that made them; the last one was: {command}"
+    robots = _robots_of(ledger, bad)
+    command, changed = _with_robots(command, robots)
+    what = f"the last one, for {', '.join(robots)}, is" if changed else "the last one was"
+    return f"to repair the run: {first}run the command that made them; {what}: {command}"
+
+
+def _robots_of(ledger: Ledger, names: Collection[str]) -> list[str]:
+    """Return the built-in robots whose walks, frames or datasets have files among `names`."""
+    folders = {part for name in names for part in Path(name).parts[:2]}
+    walked = {str(row.facts.get("robot")) for row in ledger.all_rows("replay")}
+    of = {r for r in walked for one in folders if one == r or one.startswith(f"{r}-")}
+    return sorted(of & ROBOTS.keys())
+
+
+def _with_robots(command: str, robots: Sequence[str]) -> tuple[str, bool]:
+    """Return a command line of `collect` for these robots, and whether it named others."""
+    words = shlex.split(command)
+    if "collect" not in words or not robots:
+        return command, False
+    named = words.index("--robot") + 1 if "--robot" in words else 0
+    before = words[named] if named else Collect.robot
+    if before == "all" or set(robots) <= set(before.split(",")):
+        return command, False
+    if not named:
+        return f"{command} --robot {','.join(robots)}", True
+    words[named] = ",".join(robots)
+    return shlex.join(words).replace(" '&&' ", " && ", 1), True
 
 
 def _verify_ledger(ledger: Ledger) -> list[Check]:

@@ -9,7 +9,7 @@ from PIL import Image
 
 from ...formats.scene.grid import GridSpec
 from ..config import RepairConfig
-from ..grid.columns import Columns, sample_columns
+from ..grid.columns import Columns, sample_columns, top_faces
 from ..grid.morphology import grow, nearest_in
 from ..grid.world_mesh import WorldMesh
 from ..paint.floor_texture import paint_floor, uv_on
@@ -135,11 +135,14 @@ def repair_floor(
         return unpatched
     rooms = room_of_cells((evidence.covered | fill) & ~evidence.wall & ~passable, fine)
     outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
+    joint = np.concatenate([mesh.vertices, patch.vertices])
+    corners = np.zeros((len(patch.faces), 3, 2), np.float32)
+    under, _ = top_faces(joint, patch.faces, corners, fine)
     image, texels = paint_floor(
         mesh,
         MaterialSampler(materials),
         floor_faces,
-        grow(fill | cells_at(outlines, fine), 2),
+        grow(fill | cells_at(outlines, fine) | (under >= 0), 2),
         rooms,
         fine,
         texel_m=config.patch_texel_m,

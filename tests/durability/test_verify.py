@@ -18,8 +18,9 @@ from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger, Row
 from vlnpe.pipeline.verify.dataset import check_dataset, check_splits
+from vlnpe.pipeline.verify.integrity import Check
 from vlnpe.pipeline.verify.outputs import READERS, check_output
-from vlnpe.pipeline.verify.run import verify_run
+from vlnpe.pipeline.verify.run import remedy, verify_run
 
 pytestmark = pytest.mark.chain
 
@@ -271,3 +272,31 @@ def test_mcap_times_and_counts_are_checked(run: Path):
     cut = next((run / "mcap").rglob("*.mcap"))
     cut.write_bytes(cut.read_bytes()[:-40])
     assert any(cut.name in what for what in problems(run))
+
+
+@pytest.mark.parametrize(
+    ("last", "damaged", "advised"),
+    [
+        ("collect --robot jetbot --seed 3", ["frames/aliengo/path/x"], "--robot aliengo --seed 3"),
+        ("collect --robot jetbot", ["lerobot/jetbot-path-v/x"], "collect --robot jetbot"),
+        ("collect", ["rollouts/jetbot/path/x", "units/aliengo-path-v/x"], "--robot aliengo,jetbot"),
+        ("collect --robot jetbot", ["scenes/x/visual.npz"], "collect --robot jetbot"),
+        ("collect --robot all", ["frames/aliengo/x"], "collect --robot all"),
+    ],
+)  # fmt: skip
+def test_the_advice_names_the_robots_whose_files_are_damaged(
+    tmp_path: Path, last: str, damaged: list[str], advised: str
+) -> None:
+    ledger = Ledger(tmp_path)
+    ledger.finished = f"cd '/a b' && vlnpe {last}"
+    for robot in ("aliengo", "jetbot"):
+        ledger.add(Row("replay", f"{robot}/path/e", "k", "done", facts={"robot": robot}))
+    for name in damaged:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("x")
+        ledger.record([path])
+        path.unlink()
+    ledger.save()
+    advice = remedy(tmp_path, [Check(name, "missing") for name in damaged])
+    assert advice.endswith(advised) and "cd '/a b' && vlnpe collect" in advice

@@ -307,6 +307,17 @@ def test_headset_rooms(name: str, shared_scenes: Path, tmp_path: Path) -> None:
     assert level["floor_area_after_m2"] > level["floor_area_before_m2"]
     freemap = bundle.freemap(0)
     assert freemap.traversable.sum() * freemap.grid.cell_m**2 > 1.5
+    # The scans are light grey; where a patch's texture was not painted it is black.
+    number = [m.name for m in bundle.materials].index("floor_patch_0")
+    texture = bundle.materials[number].texture
+    assert texture is not None
+    image = np.asarray(Image.open(tmp_path / texture).convert("L"))
+    visual = bundle.visual()
+    corners = visual.corner_uv[visual.face_material == number]
+    weights = np.random.default_rng(0).dirichlet(np.ones(3), size=(len(corners), 20))
+    u, v = np.moveaxis(weights @ corners, -1, 0)
+    rows, columns = ((1 - v) * image.shape[0]).astype(int), (u * image.shape[1]).astype(int)
+    assert image[rows.clip(0, len(image) - 1), columns.clip(0, image.shape[1] - 1)].min() > 50
 
 
 @pytest.mark.chain

@@ -25,7 +25,7 @@ from tests.support.lerobot_data import (
 from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
-from vlnpe.formats.lerobot.film_strip import HEAD_PX, LINE_PX
+from vlnpe.formats.lerobot.film_strip import GAP_PX, HEAD_PX, LINE_PX
 from vlnpe.formats.lerobot.splits import held_out_scenes
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.video.depth_picture import SCALE_PX, depth_scale
@@ -223,9 +223,11 @@ def test_card_splits_and_provenance(ours: Path) -> None:
     assert front["configs"] == [{"config_name": "default", "data_files": "data/*/*.parquet"}]
     strip = cv2.imread(str(ours / "film_strip.png"))
     assert "](film_strip.png)" in card
+    assert strip is not None and (strip[:GAP_PX] == 255).all() and (strip[:, :GAP_PX] == 255).all()
+    strip = strip[GAP_PX:, GAP_PX:]
     # Three of the episodes, six frames of each: name and times, colour, depth with its scale.
-    rows = 3 * (HEAD_PX + 2 * 107) + 8 * 4
-    assert strip is not None and strip.shape == (rows, 6 * 164 + SCALE_PX, 3)
+    rows = 3 * (HEAD_PX + 2 * 107) + 8 * GAP_PX
+    assert strip.shape == (rows, 6 * 164 + SCALE_PX, 3)
     head, scale = strip[:HEAD_PX], strip[HEAD_PX + 115 :][:107, 6 * 164 :]
     assert (scale == depth_scale(107)[..., ::-1]).all()
     times = np.split(head[LINE_PX:, : 6 * 164], 6, axis=1)

@@ -131,14 +131,29 @@ def test_defaults_are_those_of_the_configurations() -> None:
         assert getattr(convert, name) == getattr(Assumptions, name)
 
 
-@pytest.mark.parametrize("arguments", [[], ["collect", "--robot"], ["convert", "data", "--to"]])
-def test_bad_calls_exit_with_code_2(
-    arguments: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_command_exits_with_code_2(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as exit_:
-        main(arguments)
+        main([])
     assert exit_.value.code == 2
     assert "vlnpe" in "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["collect", "--robot"], "--robot: no value follows; see "),
+        (["convert", "data", "--to"], "--to: no value follows; see "),
+        (["instruct", "run", "--show", "--json"], "--show: no value follows; see "),
+        (["collect", "--seed=abc"], "--seed 'abc': not a whole number"),
+        (["collect", "--max-turning-deg", "wide"], "--max-turning-deg 'wide': not a number"),
+    ],
+)
+def test_a_value_that_is_missing_or_no_number_is_named(
+    arguments: list[str], said: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(f"vlnpe: error: {said}")
 
 
 def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
