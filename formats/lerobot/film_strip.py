@@ -41,7 +41,7 @@ def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
     for row in rows:
         sheet[top : top + len(row), : row.shape[1]] = row
         top += len(row) + GAP_PX
-    sheet = np.pad(sheet, ((GAP_PX, 0), (GAP_PX, 0), (0, 0)), constant_values=255)
+    sheet = np.pad(sheet, ((GAP_PX, GAP_PX), (GAP_PX, GAP_PX), (0, 0)), constant_values=255)
     done, data = cv2.imencode(".png", sheet[..., ::-1])
     if not done:
         raise ValueError(f"cannot encode an image of {sheet.shape} as PNG")

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...collectors.rendering.camera.extras import Extras
 from ...collectors.rendering.camera.views import CameraOverrides
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError, brief, did_you_mean
+from ...formats.core.errors import InputError, did_you_mean
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...scene_repair.config import RepairConfig
@@ -211,7 +211,7 @@ def _episodes(text: str) -> tuple[list[Path], str, int]:
             )
         return files, "", 1
     missing = [str(file) for file in files if ".json" in file.suffixes and not file.is_file()]
-    what = f"no such file: {brief(missing)}; " if missing else ""
+    what = f"no such file: {', '.join(missing)}; " if missing else ""
     raise InputError(
         f"--episodes {text}{did_you_mean(text, PRESETS)}: {what}valid: a number above 0, "
         f"{', '.join(PRESETS)}, or existing VLN-CE files, one per split"

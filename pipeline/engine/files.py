@@ -62,7 +62,7 @@ def lost(root: Path, output: str, records: Records) -> str:
     Args:
         root: Folder of the ledger.
         output: Path of the output, relative to `root`.
-        records: Of its files; none of them is read, which would take longer than much of the work.
+        records: Of its files. Contents are not read: hashing all at each start would take long.
     """
     if not (root / output).exists():
         return f"{output} is missing"

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
-from ...formats.core.errors import FileFormatError, brief, did_you_mean
+from ...formats.core.errors import FileFormatError, did_you_mean
 from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
 from .files import FileRecord, Records, files_in, lost, path_in_run, records_of
 from .rows import Row
@@ -88,7 +88,8 @@ class Ledger:
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
         if root.exists():
-            within = f"; runs in it: {brief(runs)}" if (runs := _runs_in(root)) else ""
+            runs = _runs_in(root)
+            within = f"; runs in it: {', '.join(runs)}" if runs else ""
             raise FileFormatError(root, f"not a run folder ({MANIFEST_NAME} is missing){within}")
         raise FileFormatError(
             root, f"no such folder{did_you_mean(root.name, _runs_in(root.parent))}"

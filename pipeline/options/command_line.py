@@ -1,5 +1,6 @@
 """The command line that options came from, and the mistakes in one."""
 
+import math
 import shlex
 from collections.abc import Collection, Sequence
 from dataclasses import MISSING, Field, field, fields, make_dataclass
@@ -56,10 +57,11 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
         InputError: An option is unknown, or one that the command needs is missing.
     """
     check_options(command, words, record)
-    _check_values(command, words, record)
+    given = {word.split("=")[0].replace("_", "-") for word in words}
+    if not HELP & given:
+        _check_values(command, words, record)
     import tyro  # late, because the list of commands needs none of it
 
-    given = {word.split("=")[0].replace("_", "-") for word in words}
     needed = [one for one in fields(record) if one.default is MISSING]
     asked = bool(HELP & given)  # then tyro exits, and says what is required
     stand_ins = {f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
@@ -145,29 +147,32 @@ def check_options(command: str, words: Sequence[str], record: type) -> None:
 def _check_values(command: str, words: Sequence[str], record: type) -> None:
     """Raise InputError for an option without its value, or with one that is not of its kind.
 
-    Tyro answers these with a box of many lines; where it says nothing of a value, this does not.
+    Tyro answers these with a box of many lines. What is not checked here is left to it.
     """
-    kinds = {_option(f): (f.type, *get_args(f.type)) for f in fields(record)}
+    kinds = {_option(f): (f.type, *get_args(f.type)) for f in fields(record) if _option(f)}
     for word, following in pairwise([*words, ABSENT]):
         option, separator, value = word.partition("=")
         option, value = option.replace("_", "-"), value if separator else following
         of = kinds.get(option, ())
-        if not of or bool in of:
+        if not of or bool in of or (NoneType in of and value == "None"):
             continue
         if value == ABSENT or (value.startswith("--") and not separator):
             raise InputError(f"{option}: no value follows; see {program()} {command} --help")
-        number = int if int in of else float if float in of else None
-        choices = next((get_args(kind) for kind in of if get_origin(kind) is Literal), ())
-        if NoneType in of and value == "None":
-            continue
-        if choices:
-            check_name(option, value, choices)
-        elif number:
-            try:
-                number(value)
-            except ValueError as error:
-                kind = "a whole number" if number is int else "a number"
-                raise InputError(f"{option} {brief(value)}: not {kind}") from error
+        for kind in of:
+            if get_origin(kind) is Literal:
+                check_name(option, value, get_args(kind))
+        if int in of and not _is(int, value):
+            raise InputError(f"{option} {brief(value)}: not a whole number")
+        if float in of and not _is(float, value):
+            raise InputError(f"{option} {brief(value)}: not a number")
+
+
+def _is(kind: type[int] | type[float], text: str) -> bool:
+    """Return whether a text is a finite number of this kind."""
+    try:
+        return math.isfinite(kind(text))
+    except (OverflowError, ValueError):
+        return False
 
 
 def unknown_word(command: str, word: str, valid: Collection[str] = ()) -> InputError:

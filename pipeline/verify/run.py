@@ -1,7 +1,7 @@
 """`vlnpe verify`: hash every file of a run, open every output, and compare what they say."""
 
 import shlex
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,11 +12,14 @@ from ...formats.scene.bundle import INDEX_NAME
 from ..engine.context import LEDGERS
 from ..engine.ledger import MANIFEST_NAME, Ledger
 from ..engine.lock import refuse_if_locked
+from ..inputs.crews import ALL, AUTO
 from ..options.collect import Collect
 from .coverage import check_coverage
 from .integrity import Check, check_files, check_ledger, nested_runs, problem_of
 from .outputs import check_output, check_scene
 
+# Folders of a run that have a folder for each robot and controller.
+PER_ROBOT = {"rollouts", "frames", "units", "lerobot", "mcap"}
 UNRECORDED_RUN = (
     "was written by a version that kept no hashes of files. Its outputs were opened, but damage "
     "inside them may go unnoticed; hashes are kept of what `vlnpe collect` makes from now on"
@@ -77,33 +80,43 @@ def remedy(root: Path, checks: Iterable[Check]) -> str:
         return ""
     there = any((ledger.root / name).exists() for name in bad)
     first = "delete the damaged files, then " if there else ""
-    robots = _robots_of(ledger, bad)
-    command, changed = _with_robots(command, robots)
-    what = f"the last one, for {', '.join(robots)}, is" if changed else "the last one was"
-    return f"to repair the run: {first}run the command that made them; {what}: {command}"
+    changed = _with_robots(command, _walks_of(ledger, bad))
+    what = "the last one was" if changed == command else "the last one, for what is damaged, is"
+    return f"to repair the run: {first}run the command that made them; {what}: {changed}"
 
 
-def _robots_of(ledger: Ledger, names: Collection[str]) -> list[str]:
-    """Return the built-in robots whose walks, frames or datasets have files among `names`."""
-    folders = {part for name in names for part in Path(name).parts[:2]}
-    walked = {str(row.facts.get("robot")) for row in ledger.all_rows("replay")}
-    of = {r for r in walked for one in folders if one == r or one.startswith(f"{r}-")}
-    return sorted(of & ROBOTS.keys())
+def _walks_of(ledger: Ledger, names: Collection[str]) -> set[tuple[str, str]]:
+    """Return the robots and controllers whose walks, frames or datasets have files in `names`."""
+    paths = [Path(name).parts for name in names]
+    folders = {"-".join(parts[1:3]) for parts in paths if parts[0] in PER_ROBOT}
+    walks = {
+        (row.facts.get("robot"), row.facts.get("controller")) for row in ledger.all_rows("replay")
+    }
+    return {
+        (str(r), str(c)) for r, c in walks if any(f"{f}-".startswith(f"{r}-{c}-") for f in folders)
+    }
 
 
-def _with_robots(command: str, robots: Sequence[str]) -> tuple[str, bool]:
-    """Return a command line of `collect` for these robots, and whether it named others."""
+def _with_robots(command: str, walks: Collection[tuple[str, str]]) -> str:
+    """Return a command line of `collect` that also makes these walks: robots and controllers."""
     words = shlex.split(command)
-    if "collect" not in words or not robots:
-        return command, False
-    named = words.index("--robot") + 1 if "--robot" in words else 0
-    before = words[named] if named else Collect.robot
-    if before == "all" or set(robots) <= set(before.split(",")):
-        return command, False
-    if not named:
-        return f"{command} --robot {','.join(robots)}", True
-    words[named] = ",".join(robots)
-    return shlex.join(words).replace(" '&&' ", " && ", 1), True
+    robots, controllers = ({walk[k] for walk in walks} for k in (0, 1))
+    if "collect" not in words or not walks or not robots <= ROBOTS.keys():
+        return command
+    for option, wanted, default in (
+        ("--robot", robots, Collect.robot),
+        ("--controller", controllers, Collect.controller),
+    ):
+        at = words.index(option) + 1 if option in words else 0
+        given = words[at] if at else default
+        made = {AUTO: {"path", "flash"}, ALL: wanted}.get(given, set(given.split(",")))
+        if wanted <= made:
+            continue
+        if at:
+            words[at] = ",".join(sorted(wanted))
+        else:
+            words += [option, ",".join(sorted(wanted))]
+    return shlex.join(words).replace(" '&&' ", " && ", 1)
 
 
 def _verify_ledger(ledger: Ledger) -> list[Check]:

@@ -280,8 +280,10 @@ def test_mcap_times_and_counts_are_checked(run: Path):
         ("collect --robot jetbot --seed 3", ["frames/aliengo/path/x"], "--robot aliengo --seed 3"),
         ("collect --robot jetbot", ["lerobot/jetbot-path-v/x"], "collect --robot jetbot"),
         ("collect", ["rollouts/jetbot/path/x", "units/aliengo-path-v/x"], "--robot aliengo,jetbot"),
+        ("collect --controller speed", ["frames/aliengo/path/v/x"], "collect --controller path"),
+        ("collect --robot ./own", ["facts/aliengo-home.json.gz"], "collect --robot ./own"),
         ("collect --robot jetbot", ["scenes/x/visual.npz"], "collect --robot jetbot"),
-        ("collect --robot all", ["frames/aliengo/x"], "collect --robot all"),
+        ("collect --robot all", ["frames/aliengo/path/x"], "collect --robot all"),
     ],
 )  # fmt: skip
 def test_the_advice_names_the_robots_whose_files_are_damaged(
@@ -290,7 +292,8 @@ def test_the_advice_names_the_robots_whose_files_are_damaged(
     ledger = Ledger(tmp_path)
     ledger.finished = f"cd '/a b' && vlnpe {last}"
     for robot in ("aliengo", "jetbot"):
-        ledger.add(Row("replay", f"{robot}/path/e", "k", "done", facts={"robot": robot}))
+        facts = {"robot": robot, "controller": "path"}
+        ledger.add(Row("replay", f"{robot}/path/e", "k", "done", facts=facts))
     for name in damaged:
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -224,7 +224,7 @@ def test_card_splits_and_provenance(ours: Path) -> None:
     strip = cv2.imread(str(ours / "film_strip.png"))
     assert "](film_strip.png)" in card
     assert strip is not None and (strip[:GAP_PX] == 255).all() and (strip[:, :GAP_PX] == 255).all()
-    strip = strip[GAP_PX:, GAP_PX:]
+    strip = strip[GAP_PX:-GAP_PX, GAP_PX:-GAP_PX]
     # Three of the episodes, six frames of each: name and times, colour, depth with its scale.
     rows = 3 * (HEAD_PX + 2 * 107) + 8 * GAP_PX
     assert strip.shape == (rows, 6 * 164 + SCALE_PX, 3)

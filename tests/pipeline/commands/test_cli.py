@@ -146,6 +146,7 @@ def test_no_command_exits_with_code_2(capsys: pytest.CaptureFixture[str]) -> Non
         (["instruct", "run", "--show", "--json"], "--show: no value follows; see "),
         (["collect", "--seed=abc"], "--seed 'abc': not a whole number"),
         (["collect", "--max-turning-deg", "wide"], "--max-turning-deg 'wide': not a number"),
+        (["collect", "--robot-radius-m", "nan"], "--robot-radius-m 'nan': not a number"),
     ],
 )
 def test_a_value_that_is_missing_or_no_number_is_named(
