@@ -58,12 +58,12 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
     """
     check_options(command, words, record)
     given = {word.split("=")[0].replace("_", "-") for word in words}
-    if not HELP & given:
+    asked = bool(HELP & given)  # then tyro exits, and says what is required
+    if not asked:
         _check_values(command, words, record)
     import tyro  # late, because the list of commands needs none of it
 
     needed = [one for one in fields(record) if one.default is MISSING]
-    asked = bool(HELP & given)  # then tyro exits, and says what is required
     stand_ins = {f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
     options, strays = tyro.cli(
         _with_help(record) if asked else record,

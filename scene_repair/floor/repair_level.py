@@ -148,7 +148,7 @@ def repair_floor(
         texel_m=config.patch_texel_m,
         max_px=config.max_texture_px,
     )
-    return _patched(unpatched, patch, index, image, texels)
+    return _patched(unpatched, patch, index, image, uv_on(texels, joint[patch.faces][..., :2]))
 
 
 def _flattened(
@@ -191,19 +191,21 @@ def _filled_and_left(
 
 
 def _patched(
-    floor: RepairedFloor, patch: Patch, index: int, image: Image.Image, texels: GridSpec
+    floor: RepairedFloor,
+    patch: Patch,
+    index: int,
+    image: Image.Image,
+    corner_uv: NDArray[np.float32],
 ) -> RepairedFloor:
-    """Add the patch of level `index` and its picture over the grid `texels` to a floor."""
-    mesh = floor.mesh
-    joint = np.concatenate([mesh.vertices, patch.vertices])
+    """Add the patch of level `index` to a floor, with its picture and texture coordinates."""
     holes, cracks = _assign_areas(patch, floor.holes, floor.fine)
     material = ScanMaterial(f"floor_patch_{index}", (1.0, 1.0, 1.0), image)
     return replace(
         floor,
-        mesh=mesh.extended(
+        mesh=floor.mesh.extended(
             patch.vertices,
             patch.faces,
-            uv_on(texels, joint[patch.faces][..., :2]),
+            corner_uv,
             material=len(floor.materials),
             obj=len(floor.objects),
         ),
