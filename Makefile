@@ -103,11 +103,9 @@ test-slow:  ## Run the slow tests: whole chains, buildings, kills, clusters
 	@$(SETUP) full
 	@$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist loadfile --no-loadscope-reorder -m slow
 
-docs:  ## Write the API reference to build/docs, in about a minute
+docs:  ## Build the documentation's site in build/docs; a broken link is an error
 	@$(SETUP) full
-	@PYTHONWARNINGS="ignore:Error parsing type annotation" PDOC_ALLOW_EXEC=1 $(BIN)/python -m pdoc -d google -o build/docs vlnpe.formats vlnpe.wayfinding vlnpe.apartments vlnpe.scene_repair \
-	    vlnpe.trajectory_sampler vlnpe.instruction_gen vlnpe.collectors vlnpe.datasets vlnpe.learning \
-	    vlnpe.evaluation vlnpe.pipeline
+	@$(BIN)/python -m sphinx -q -W --keep-going -E docs build/docs
 
 lint:  ## Check formatting, style and types
 	@$(SETUP) full

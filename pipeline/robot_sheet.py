@@ -169,7 +169,7 @@ def missed_gates(sheets: Sequence[RobotSheet]) -> list[str]:
     return [
         "",
         "gates: requirements on a trained gait, e.g. 99 % of 12 m paths reached on flat ground.",
-        f"docs/gaits.md lists them with their limits; so does {program()} robots NAME. Missed:",
+        f"docs/results/gaits.md lists their limits; so does {program()} robots NAME. Missed:",
         *(f"  {name:<{wide}}  {'; '.join(names)}" for name, names in missed.items() if names),
     ]
 

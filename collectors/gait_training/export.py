@@ -153,7 +153,7 @@ def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
     if card.past:
         raise SystemExit(
             f"{folder}: {robot.name}'s gait there anticipates delays already; start from the one "
-            "that it was made from (docs/gaits.md, Acting ahead of a delay)"
+            "that it was made from (docs/results/gaits.md, Acting ahead of a delay)"
         )
     return card
 

@@ -154,8 +154,8 @@ weights are fetched:
   pose; `action_discrete_derived` tells that it was not executed, for the controller is continuous.
   To train on steps of 0.25 m and 15° that lead along the robot's path, take discrete steps
   (`discrete_steps(planar_poses(states))` of `vlnpe.formats.rendered.discrete_steps`, as
-  `EpisodeSequences` does), not each frame's label; see vlnpe's `docs/data.md`, section "Discrete
-  actions".
+  `EpisodeSequences` does), not each frame's label; see vlnpe's `docs/reference/data.md`, section
+  "Discrete actions".
 - `meta/episodes` also has scene, split, trajectory, all instructions, reference path, start and
   goal in the world, metrics, controller, light and camera intrinsics.
 

@@ -1,7 +1,7 @@
 """What an untrusted file may cost to read: the caps of all readers in one place.
 
 No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 labels=50000"` in the
-environment raises (or lowers) some; docs/security.md lists them all.
+environment raises (or lowers) some; docs/design/security.md lists them all.
 """
 
 import os

@@ -94,7 +94,7 @@ def _named() -> str:
 
 @dataclass(frozen=True)
 class RunFolder:
-    """Paths in the folder of one run; see docs/architecture.md."""
+    """Paths in the folder of one run; see docs/design/architecture.md."""
 
     root: Path
 

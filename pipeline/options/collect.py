@@ -25,11 +25,11 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     sampled with clearance for the widest one."""
     scene: str = "builtin"
     """Scan to collect in (GLB, glTF, OBJ, PLY, STL, USD, a point cloud or Gaussian splats; see
-    docs/scans.md and docs/splats.md), or `builtin` for a generated apartment; builtin:villa,
-    builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of them, of
-    consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan. Built-in
-    scenes can be listed, comma-separated. With a preset, a kind without a number stands for as many
-    buildings as the preset needs."""
+    docs/guides/scans.md and docs/guides/splats.md), or `builtin` for a generated apartment;
+    builtin:villa, builtin:house and builtin:office are larger buildings, builtin:villa*10 is ten of
+    them, of consecutive seeds, and builtin-exact:villa*10 the same ten without the virtual scan.
+    Built-in scenes can be listed, comma-separated. With a preset, a kind without a number stands
+    for as many buildings as the preset needs."""
     scenes: Path | None = None
     """Folder of scans. All of them are used, or only those named by the scene ids of the VLN-CE
     file in --episodes."""

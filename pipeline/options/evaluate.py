@@ -26,8 +26,8 @@ class Evaluate(DiscreteActions, Mounting, Running):
     path), cma, cma-h1 or cma-robots (trained models that come with vlnpe: for vlnce; for h1; for
     h1, aliengo and jetbot), map (an online semantic map, without training; map-llm, map-vlm and
     map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a vision-language model, see
-    docs/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address of a
-    policy server (ws://HOST:PORT)."""
+    docs/guides/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address
+    of a policy server (ws://HOST:PORT)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"

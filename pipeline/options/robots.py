@@ -14,7 +14,7 @@ class Robots(Printing):
 
     Robots given by name are described in full. `--view h1` writes a turntable image and a walking
     film strip; `--export aliengo` writes a robot as a folder, as a template for your own
-    (docs/robots.md).
+    (docs/reference/robots.md).
     """
 
     names: tyro.conf.Positional[tuple[str, ...]] = ()

@@ -24,7 +24,7 @@ class Running(Parallel):
     in quarantine.json. The items that it depends on must be done."""
     executor: str = LOCAL
     """Where to run: local (processes of this machine), ray (a Ray cluster), or slurm (batch jobs).
-    The machines share the run folder; see docs/scaling.md."""
+    The machines share the run folder; see docs/guides/scaling.md."""
     ray_address: str = ""
     """Address of a running Ray cluster; defaults to RAY_ADDRESS. Without one, a local cluster is
     started."""

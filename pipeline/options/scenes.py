@@ -31,7 +31,7 @@ class Repair(Orientation, Printing):
 
     scan: tyro.conf.Positional[Path]
     """Scan to repair: GLB, glTF, OBJ, PLY, STL, USD, a point cloud (PLY, PCD), or Gaussian splats
-    (PLY, SPLAT, SPZ, glTF). See docs/scans.md for details and for label files."""
+    (PLY, SPLAT, SPZ, glTF). See docs/guides/scans.md for details and for label files."""
     out: Path = Path("scene")
     """Output folder for the scene."""
     collision: Path | None = None

@@ -111,7 +111,7 @@ class Wording:
 
     writer: str = "composer"
     """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
-    docs/instructions.md), or local (a GGUF model on disk)."""
+    docs/guides/instructions.md), or local (a GGUF model on disk)."""
     style: str = "mixed"
     """Styles of the instructions: natural, terse, rich, a comma-separated list (terse,rich), or
     mixed, which alternates between all."""

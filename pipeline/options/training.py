@@ -42,7 +42,7 @@ class Train(Printing):
 
     Writes <out>/<model>.safetensors with its card <model>.json, and curves.csv. Run the same
     command again to resume after an interruption. The recipe names the data and holds all settings
-    under `train` (docs/training.md); `vlnpe mix` shows the selected data.
+    under `train` (docs/guides/training.md); `vlnpe mix` shows the selected data.
 
     Example: collect, train, evaluate:
       vlnpe collect --robot vlnce --scene 'builtin-exact:apartment*14' --train-scenes 10 \

@@ -10,10 +10,11 @@ import pytest
 from vlnpe.pipeline.cli import VERBS, parse
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
 SHELL = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 # `formats/core/frames.py`, but not `scenes/<scene>/` of a run folder.
 NAMED = re.compile(r"`([a-z_]+/[\w./-]*\w(?:/|\.\w+))`")
+LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build", "runs"}
 
 
@@ -36,7 +37,7 @@ def test_commands_are_found_in_the_pages() -> None:
     assert {"vlnpe", "make"} <= {first for first, *_ in words} and len(words) > 60
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_of_vlnpe_parse(page: Path) -> None:
     for first, *words in commands(page):
         if first == "vlnpe":
@@ -58,7 +59,7 @@ def test_sections_of_the_benchmarks_exist() -> None:
     assert {"fuzz", "labels"} <= names <= benchmarks.SECTIONS.keys()
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_targets_and_variables_of_make_exist(page: Path) -> None:
     for first, *words in commands(page):
         if first == "make":
@@ -125,7 +126,13 @@ def test_values_and_variables_of_libraries_are_not_taken_for_variables() -> None
     assert "--splits train=3 --count 1" in done.stdout
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_files_that_are_named_exist(page: Path) -> None:
     named = {name for name in NAMED.findall(page.read_text()) if name.split("/")[0] in FOLDERS}
     assert {name for name in named if not (ROOT / name).exists()} == set()
+
+
+@pytest.mark.parametrize("page", PAGES[:2], ids=lambda page: page.name)  # Sphinx checks the others
+def test_files_that_are_linked_exist(page: Path) -> None:
+    linked = LINK.findall(page.read_text())
+    assert {name for name in linked if not (page.parent / name).exists()} == set()

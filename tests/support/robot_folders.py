@@ -8,11 +8,11 @@ from vlnpe.collectors.locomotion.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.robots.folder.export import export_robot
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "robots.md"
+DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "reference" / "robots.md"
 
 
 def written_rover(folder: Path) -> Path:
-    """The rover of docs/robots.md, as its reader would write it."""
+    """The rover of docs/reference/robots.md, as its reader would write it."""
     text = DOCUMENT.read_text()
     folder.mkdir(parents=True)
     for name, kind in (("robot.toml", "toml"), ("model.xml", "xml")):

@@ -19,7 +19,7 @@ NAME_PATTERN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
 @dataclass(frozen=True)
 class FolderFacts:
-    """The content of a robot.toml; see docs/robots.md for what each field means.
+    """The content of a robot.toml; see docs/reference/robots.md for what each field means.
 
     Fields that are None are derived from the model: the heights from its default pose, the number
     of policy joints from the number of joints.

@@ -1,4 +1,4 @@
-"""A user's own robot: a folder of facts, model and policy; see docs/robots.md.
+"""A user's own robot: a folder of facts, model and policy; see docs/reference/robots.md.
 
 - robot.toml: facts.
 - model.xml: MJCF, with its meshes beside it.

@@ -46,7 +46,7 @@ from vlnpe.formats.video.mux import iterate_bitstream
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.ledger import Ledger
 
-DOCS = Path(__file__).resolve().parents[3] / "docs"
+LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "reference" / "foxglove_layout.json"
 SECONDS = (2.0, 0.0, 3.0)
 SHOWN = (map_topic(small_map()), *robot_topics(small_links(make_rollout(1.0))))
 ASSEMBLY: dict[str, Any] = {
@@ -188,7 +188,7 @@ def test_mcap_of_a_dataset_shows_what_the_rows_say(tmp_path: Path) -> None:
         zip(rollout.foot_names, rollout.foot_contact[samples[3]].tolist(), strict=True)
     )
     assert topics["/events"][-1][1].message == "end: success"
-    shown = set(re.findall(r'"(/[a-z_/]+)', (DOCS / "foxglove_layout.json").read_text()))
+    shown = set(re.findall(r'"(/[a-z_/]+)', LAYOUT.read_text()))
     assert "/camera/rgb" in shown and shown - {"/map", "/robot"} <= topics.keys()
 
 

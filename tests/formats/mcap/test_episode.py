@@ -28,7 +28,7 @@ from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.formats.video.depth_codes import depth_to_codes
 from vlnpe.formats.video.mp4 import read_rgb_video, write_depth_video, write_rgb_video
 
-LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "foxglove_layout.json"
+LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "reference" / "foxglove_layout.json"
 CAMERA = CameraModel("front", 96, 64, 90.0)
 RANGE = DepthRange(0.05, 20.0)
 OFFICIAL = {

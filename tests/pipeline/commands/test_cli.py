@@ -311,7 +311,7 @@ def test_robots_says_what_a_gate_is_and_which_ones_are_missed(
     robots = {robot["name"]: robot for robot in json.loads(capsys.readouterr().out)["robots"]}
     assert main(["robots"]) == 0
     table, _, told = capsys.readouterr().out.partition("\ngates: ")
-    assert "docs/gaits.md" in told
+    assert "docs/results/gaits.md" in told
     for name, robot in robots.items():
         missed = [gate["name"] for gate in robot["gates"] if not gate["passed"]]
         (line,) = [line for line in table.splitlines() if line.startswith(f"{name} ")]

@@ -1,0 +1,39 @@
+"""The site that `make docs` builds: pages in Markdown, options and API from the code."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+project = "vlnpe"
+author = "The authors of vlnpe"
+project_copyright = "2026, the authors of vlnpe; Apache-2.0"
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+exclude_patterns = ["evidence*.md"]
+html_theme = "furo"
+html_title = "vlnpe"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+highlight_language = "text"
+myst_heading_anchors = 4
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True}
+
+
+def _with_options(app: Sphinx, page: str, source: list[str]) -> None:
+    """Replace the placeholder of the command reference by the options that the code defines."""
+    if page == "reference/cli":
+        from command_reference import command_reference
+
+        source[0] = source[0].replace("<!-- commands -->", command_reference())
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the hook with Sphinx."""
+    app.connect("source-read", _with_options)
+    return {"parallel_read_safe": True}
