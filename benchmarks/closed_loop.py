@@ -15,10 +15,11 @@ import numpy as np
 import torch
 
 from vlnpe.collectors.rendering.camera.views import make_view
+from vlnpe.evaluation.baselines import Random
 from vlnpe.evaluation.env import NavigationEnv
 from vlnpe.evaluation.learned import LearnedPolicy
 from vlnpe.evaluation.observation import Observation
-from vlnpe.evaluation.policy import Assignment, Policy, Random
+from vlnpe.evaluation.policy import Assignment, Policy
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import Action
 from vlnpe.formats.vlnce.files import read_episodes

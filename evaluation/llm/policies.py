@@ -4,7 +4,8 @@ from ...instruction_gen.llm.budget import Budget
 from ..map_policy import restated
 from ..map_policy.model_labels import ModelLabeller, labels_version
 from ..map_policy.policy import MapPolicy
-from ..policy import MAP_LLM, MAP_VLM, MAP_VLM_LLM, VLM, ModelUse, Policy
+from ..policy import ModelUse, Policy
+from ..policy_names import MAP_LLM, MAP_VLM, MAP_VLM_LLM, VLM
 from . import vlm
 from .ask import PROMPTS, TextModel, model_settings, model_version
 

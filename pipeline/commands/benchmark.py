@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, valid_controllers
-from ...evaluation.policy import check_policy
+from ...evaluation.policy_registry import resolve_policy
 from ...evaluation.results import COLUMNS, decimals, read_results
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, write_json
@@ -90,7 +90,7 @@ def run(options: Benchmark) -> int:
 def _cells(options: Benchmark) -> list[Cell]:
     policies, controllers = _names(options.policy), _names(options.controller)
     for policy in policies:
-        check_policy(policy)
+        resolve_policy(policy)
     discrete = [name for name, entry in CONTROLLERS.items() if entry.discrete]
     for controller in controllers:
         check_name("controller of a benchmark", controller, discrete)

@@ -5,7 +5,7 @@ import logging
 import shlex
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from math import isnan
 from pathlib import Path
 from typing import Any
@@ -14,16 +14,9 @@ from ...collectors.controllers import controller_for
 from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
-from ...evaluation.policy import (
-    MAP,
-    MAPS,
-    MODEL_POLICIES,
-    SERVER_SCHEMES,
-    ModelUse,
-    check_policy,
-    checkpoint_path,
-    policy_identity,
-)
+from ...evaluation.policy import ModelUse
+from ...evaluation.policy_names import MAP, MAPS, MODEL_POLICIES
+from ...evaluation.policy_registry import PolicyChoice, resolve_policy
 from ...evaluation.results import (
     COLUMNS,
     COUNTS,
@@ -41,7 +34,7 @@ from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
-from ...learning.card import read_card
+from ...learning.card import Card, read_card
 from ..engine.context import open_context
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
@@ -59,17 +52,43 @@ CACHE = "llm_cache"  # name of the folder of a model's answers, which were paid 
 FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 
 
+@dataclass(frozen=True)
+class Evaluation:
+    """A finished evaluation.
+
+    Attributes:
+        out: its folder.
+        scenes: folder of the repaired scenes.
+        results: content of its results file.
+    """
+
+    out: Path
+    scenes: Path
+    results: dict[str, Any]
+
+
 def run_evaluate(options: Evaluate) -> int:
-    """Evaluate a policy.
+    """Evaluate a policy and print its results.
 
     Raises:
         InputError: If a name is unknown, or a file or folder cannot be used.
     """
-    check_policy(options.policy)
-    maps = options.policy in MAPS and options.actions == WAYPOINTS
-    if options.actions != DISCRETE and not (options.policy.startswith(SERVER_SCHEMES) or maps):
+    evaluation = evaluate_policy(options)
+    _print(options, evaluation)
+    return int(len(evaluation.results["quarantined"]) > options.max_failed)
+
+
+def evaluate_policy(options: Evaluate) -> Evaluation:
+    """Evaluate a policy and write its results; walks that are done already are reused.
+
+    Raises:
+        InputError: If a name is unknown, or a file or folder cannot be used.
+    """
+    policy = resolve_policy(options.policy, options.timeout_s)
+    maps = policy.name in MAPS and options.actions == WAYPOINTS
+    if options.actions != DISCRETE and not (policy.is_server or maps):
         raise InputError(
-            f"--actions {options.actions}: policy {options.policy} outputs {DISCRETE} actions; "
+            f"--actions {options.actions}: policy {policy.name} outputs {DISCRETE} actions; "
             f"valid: {DISCRETE}, --policy ws://HOST:PORT, or {WAYPOINTS} of --policy {MAP}"
         )
     robots = chosen_robots(options.robot)
@@ -81,49 +100,54 @@ def run_evaluate(options: Evaluate) -> int:
         options = replace(options, controller=controller)
     controller_for(robot, options.controller)
     check_kind(options.actions, options.controller)
-    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
-    views = chosen_views(_camera(options), options.light, options.renderer, robot, wishes)
+    card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
+    overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    camera = options.camera
+    if card is not None and camera == Evaluate.camera:  # that of its training data
+        camera = card.view.camera(camera)
+    views = chosen_views(camera, options.light, options.renderer, robot, overrides)
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
             "robot's own (ego), under one light"
         )
     (view,) = views
-    _warn_of_other_training(options.policy, robot.name, options.controller, options.light)
+    if card is not None:
+        test = {"robot": robot.name, "controller": options.controller, "light": options.light}
+        _warn_of_other_training(policy.name, card, test)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
-    out = options.out or _default_out(options, robot.name, view)
+    out = options.out or _default_out(options, policy, robot.name, view)
     use = ModelUse(out.resolve() / CACHE, options.max_tokens, options.max_cost)
-    identity = policy_identity(options.policy, options.timeout_s, use)
+    policy = replace(policy, use=use)
+    identity = policy.identity()
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options) as context:
         root = context.ledger.root
-        found = keep_all([robot], context.ledger)[robot.name]
-        config = closed_loop(replay.config(found, options.controller, options.seed, actions))
+        spec = keep_all([robot], context.ledger)[robot.name]
+        config = closed_loop(replay.config(spec, options.controller, options.seed, actions))
         items = evaluate.items(
             episodes,
             scenes,
             scenes_folder.resolve(),
             root,
             config=config,
-            policy=options.policy,
+            policy=policy,
             identity=identity,
-            timeout_s=options.timeout_s,
             view=view,
             actions=options.actions,
-            use=use,
         )
         scope = f"{robot.name}/{options.controller}/"
         summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
         rows = sorted(summary.good().values(), key=lambda row: row.item)
-        results = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
+        walks = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
         failed = {
             r.item: str(r.error.get("reason", "")) for r in summary.rows if r.status != "done"
         }
         setting = {
-            "policy": options.policy,
+            "policy": policy.name,
             "policy_version": identity,
             "robot": robot.name,
             "controller": options.controller,
@@ -140,19 +164,18 @@ def run_evaluate(options: Evaluate) -> int:
             "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
             "instructions_sha256": digest([e.instruction for e in episodes]),
         }
-        value = results_json(setting, results, failed)
+        value = results_json(setting, walks, failed)
         write_json(out / RESULTS_NAME, value)
         context.ledger.record([root / RESULTS_NAME])
         context.ledger.record_new(root / "models")
-        if options.policy in MODEL_POLICIES:
+        if policy.name in MODEL_POLICIES:
             context.ledger.record_new(root / CACHE)
         folder = scenes_folder.resolve()
         if options.mcap:
             _write_mcap(context, summary.good(), scenes, folder, view)
         if options.films > 0:
             policy_report.write(context, rows, value, view=view, scenes=folder, films=options.films)
-    _tell(options, out, value, scenes_folder)
-    return int(len(failed) > options.max_failed)
+    return Evaluation(out, scenes_folder, value)
 
 
 def _write_mcap(
@@ -203,36 +226,25 @@ def run_compare(options: Compare) -> int:
     return 0
 
 
-def _warn_of_other_training(policy: str, robot: str, controller: str, light: str) -> None:
-    """Warn if a learned policy is to drive what it was not trained on."""
-    if (path := checkpoint_path(policy)) is None:
-        return
-    card, *_ = read_card(path)
-    asked = {"robot": robot, "controller": controller, "light": light}
+def _warn_of_other_training(policy: str, card: Card, test: Mapping[str, str]) -> None:
+    """Warn if a learned policy is tested with what it was not trained on."""
     trained = {"robot": card.robots, "controller": card.controllers, "light": card.lights}
-    for name, value in asked.items():
+    for name, value in test.items():
         if trained[name] and value not in trained[name]:
-            known = ", ".join(trained[name])
-            log.warning("%s was trained on %s %s, not on %s", policy, name, known, value)
+            valid = ", ".join(trained[name])
+            log.warning("%s was trained on %s %s, not on %s", policy, name, valid, value)
 
 
-def _camera(options: Evaluate) -> str:
-    """Return the camera; by default a learned policy sees through the one it was trained with."""
-    path = checkpoint_path(options.policy)
-    if options.camera != Evaluate.camera or path is None:
-        return options.camera
-    return read_card(path)[0].view.camera(options.camera)
-
-
-def _default_out(options: Evaluate, robot: str, view: View) -> Path:
-    path = checkpoint_path(options.policy)
-    policy = f"{path.stem}-{file_digest(path)[:6]}" if path else options.policy
-    name = f"{policy}-{robot}-{options.controller}{view.moved}-{options.light}"
+def _default_out(options: Evaluate, policy: PolicyChoice, robot: str, view: View) -> Path:
+    path = policy.checkpoint
+    label = f"{path.stem}-{file_digest(path)[:6]}" if path else policy.name
+    name = f"{label}-{robot}-{options.controller}{view.moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)
 
 
-def _tell(options: Evaluate, out: Path, value: dict[str, Any], scenes: Path) -> None:
+def _print(options: Evaluate, evaluation: Evaluation) -> None:
+    out, value, scenes = evaluation.out, evaluation.results, evaluation.scenes
     if options.json:
         shown = {k: value[k] for k in ("setting", "summary", "quarantined")} | {"out": str(out)}
         sys.stdout.write(json.dumps(shown) + "\n")

@@ -8,7 +8,9 @@ from ...collectors.rendering.camera.views import View
 from ...collectors.replay import ReplayConfig
 from ...evaluation.episode import evaluate_episode
 from ...evaluation.observation import Eye
-from ...evaluation.policy import ORACLE, ModelUse, Policy, make_policy
+from ...evaluation.policy import Policy
+from ...evaluation.policy_names import ORACLE
+from ...evaluation.policy_registry import PolicyChoice
 from ...formats.core.episode import Episode
 from ..engine.work import ItemResult
 from .render import scene_renderer
@@ -20,20 +22,17 @@ class EvaluateJob:
     """Let a policy walk one episode and record it.
 
     Attributes:
-        policy: name, or address of a policy server.
-        timeout_s: how long a policy server may take for one action.
+        policy: as the user has chosen it.
         models: folder where compiled models are kept.
     """
 
     scene: Path
     episode: Episode
     config: ReplayConfig
-    policy: str
-    timeout_s: float
+    policy: PolicyChoice
     view: View
     actions: str
     models: Path
-    use: ModelUse
     out: Path
 
     def run(self) -> ItemResult:
@@ -46,16 +45,16 @@ class EvaluateJob:
         world = open_level(self.scene, self.episode, self.config, self.models)
         policy: Policy | None = None
         eye: Eye | None = None
-        if self.policy != ORACLE:
-            policy = _policy(self.policy, self.config.seed, self.timeout_s, self.use)
+        if self.policy.name != ORACLE:
+            policy = _made(self.policy, self.config.seed)
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
         rollout = evaluate_episode(world, self.episode, self.config, policy, eye, kind=self.actions)
-        rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy})
+        rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy.name})
         result = store(rollout, self.scene.name, self.config, self.out)
         more = {
-            "policy": self.policy,
+            "policy": self.policy.name,
             "split": self.episode.split,
             "trajectory": self.episode.trajectory_id,
             "instruction": self.episode.instruction,
@@ -69,6 +68,6 @@ class EvaluateJob:
 
 
 @lru_cache(maxsize=1)
-def _policy(name: str, seed: int, timeout_s: float, use: ModelUse) -> Policy:
+def _made(policy: PolicyChoice, seed: int) -> Policy:
     """Return a policy; a worker keeps it, with the connection to its server."""
-    return make_policy(name, seed, timeout_s, use)
+    return policy.make(seed)

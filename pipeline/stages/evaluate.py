@@ -7,7 +7,7 @@ from pathlib import Path
 from ...collectors.rendering.camera.views import View
 from ...collectors.rendering.registry import scene_renderer_name
 from ...collectors.replay import ReplayConfig
-from ...evaluation.policy import ModelUse
+from ...evaluation.policy_registry import PolicyChoice
 from ...formats.core.episode import Episode
 from ..engine.ledger import Row
 from ..engine.work import WorkItem, work_item
@@ -23,20 +23,17 @@ def items(
     root: Path,
     *,
     config: ReplayConfig,
-    policy: str,
+    policy: PolicyChoice,
     identity: str,
-    timeout_s: float,
     view: View,
     actions: str,
-    use: ModelUse,
 ) -> list[WorkItem]:
     """Return one item per episode.
 
     Args:
         scenes: rows of the repair stage by scene id.
-        policy: name, or address of a policy server.
-        identity: what the policy is now; see `policy_identity`.
-        timeout_s: how long a policy server may take for one action.
+        policy: as the user has chosen it.
+        identity: what the policy is now; see `PolicyChoice.identity`.
     """
     who, result = walker(config), []
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
@@ -50,11 +47,9 @@ def items(
             episode=episode,
             config=config,
             policy=policy,
-            timeout_s=timeout_s,
             view=seen,
             actions=actions,
             models=models,
-            use=use,
             out=out,
         )
         inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)

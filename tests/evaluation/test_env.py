@@ -18,10 +18,11 @@ from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.collectors.replay import ReplayConfig, replay_in
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.world import open_world
+from vlnpe.evaluation.baselines import Forward, Random, Stop
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye, checked_action
-from vlnpe.evaluation.policy import Assignment, Forward, PolicyError, Random, Stop
+from vlnpe.evaluation.policy import Assignment, PolicyError
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action, EndReason

@@ -11,7 +11,8 @@ import pytest
 
 import vlnpe.evaluation.server
 from vlnpe.evaluation.observation import Observation
-from vlnpe.evaluation.policy import Assignment, PolicyError, make_policy, policy_identity
+from vlnpe.evaluation.policy import Assignment, PolicyError
+from vlnpe.evaluation.policy_registry import resolve_policy
 from vlnpe.evaluation.remote import RemotePolicy
 from vlnpe.evaluation.server import decode, encode
 
@@ -65,8 +66,8 @@ def seen(step: int = 0) -> Observation:
 
 def test_a_server_needs_nothing_of_vlnpe_and_answers(server) -> None:
     url, _ = server("self.count")
-    assert policy_identity(url, 5.0) == f"{url} trial 1"
-    policy = make_policy(url, seed=0, timeout_s=5.0)
+    assert resolve_policy(url, 5.0).identity() == f"{url} trial 1"
+    policy = resolve_policy(url, 5.0).make(seed=0)
     for _ in range(2):  # a second episode on the same connection
         policy.reset(ASSIGNMENT)
         assert [policy.act(seen(k)) for k in range(3)] == [1, 2, 3]

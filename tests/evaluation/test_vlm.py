@@ -13,7 +13,8 @@ from vlnpe.evaluation.llm.text_actions import parse_actions
 from vlnpe.evaluation.llm.vlm import HISTORY, PROMPT, VlmPolicy, evenly
 from vlnpe.evaluation.map_policy import restated
 from vlnpe.evaluation.observation import Observation
-from vlnpe.evaluation.policy import Assignment, ModelUse, PolicyError, policy_identity
+from vlnpe.evaluation.policy import Assignment, ModelUse, PolicyError
+from vlnpe.evaluation.policy_registry import PolicyChoice, resolve_policy
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action
 from vlnpe.instruction_gen.llm.budget import Budget, BudgetError
@@ -130,11 +131,11 @@ def test_the_models_address_is_required(monkeypatch) -> None:
         monkeypatch.delenv(name, raising=False)
     for name in ("vlm", "map-llm", "map-vlm", "map-vlm-llm"):
         with pytest.raises(InputError, match=f"--policy {name} needs VLNPE_LLM_BASE_URL"):
-            policy_identity(name, 1.0)
+            resolve_policy(name).identity()
     monkeypatch.setenv("VLNPE_LLM_BASE_URL", "http://127.0.0.1:9/v1")
     monkeypatch.setenv("VLNPE_LLM_MODEL", "model-x")
     with pytest.raises(InputError, match="--max-cost must not be negative; valid: 0"):
-        policy_identity("vlm", 1.0, ModelUse(max_tokens=-1))
+        PolicyChoice("vlm", use=ModelUse(max_tokens=-1)).identity()
 
 
 def test_no_more_is_asked_than_the_limit_allows(tmp_path) -> None:

@@ -15,7 +15,7 @@ from safetensors.torch import load_file, save_file
 
 from tests.learning.conftest import Walks
 from tests.learning.test_closed_loop import request
-from vlnpe.evaluation.policy import check_policy, make_policy, policy_identity
+from vlnpe.evaluation.policy_registry import resolve_policy
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.learning.stepper import Choice, Sight, Stepper
@@ -91,19 +91,18 @@ def test_damaged_checkpoints_are_refused_by_name(
 
 
 def test_the_registry_knows_checkpoints_by_their_content(trained: Path, tmp_path: Path) -> None:
-    check_policy(str(trained))
-    before = policy_identity(str(trained), 1.0)
-    assert make_policy(str(trained), 0, 1.0).blind is False
+    before = resolve_policy(str(trained)).identity()
+    assert resolve_policy(str(trained)).make(0).blind is False
     copy = tmp_path / trained.name
     for suffix in (".safetensors", ".json"):
         shutil.copy(trained.with_suffix(suffix), tmp_path)
-    assert policy_identity(str(copy), 1.0) == before
+    assert resolve_policy(str(copy)).identity() == before
     other_version(copy)
-    assert policy_identity(str(copy), 1.0) != before
+    assert resolve_policy(str(copy)).identity() != before
     with pytest.raises(InputError, match="no such file"):
-        check_policy("nowhere.safetensors")
+        resolve_policy("nowhere.safetensors")
     with pytest.raises(UnknownNameError, match="safetensors"):
-        check_policy("nowhere")
+        resolve_policy("nowhere")
 
 
 def test_sampled_actions_follow_the_predicted_probabilities(trained: Path) -> None:

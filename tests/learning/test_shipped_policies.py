@@ -6,10 +6,10 @@ from pathlib import Path
 import pytest
 
 from tests.learning.conftest import Walks
-from vlnpe.evaluation.policy import policy_identity, shipped_policies
+from vlnpe.evaluation.policy_registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.formats.vlnce.files import write_episodes
-from vlnpe.learning.card import card_path
+from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.evaluate import _warn_of_other_training
@@ -46,15 +46,19 @@ def test_a_shipped_checkpoint_is_small_and_whole(name: str) -> None:
 
 
 def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
+    def warn(policy: str, robot: str, controller: str) -> None:
+        card, _ = read_card(shipped_policies()[policy])
+        test = {"robot": robot, "controller": controller, "light": "baked"}
+        _warn_of_other_training(policy, card, test)
+
     for policy, robot, controller in (
-        ("random", "h1", "speed"),
         ("cma", "vlnce", "flash"),
         ("cma-h1", "h1", "speed"),
         *(("cma-robots", robot, "speed") for robot in ("h1", "aliengo", "jetbot")),
     ):
-        _warn_of_other_training(policy, robot, controller, "baked")
+        warn(policy, robot, controller)
     assert not caplog.records
-    _warn_of_other_training("cma", "aliengo", "speed", "baked")
+    warn("cma", "aliengo", "speed")
     assert "cma was trained on robot vlnce, not on aliengo" in caplog.text
     assert "cma was trained on controller flash, not on speed" in caplog.text
 
@@ -70,7 +74,7 @@ def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
     call = ["evaluate", str(folder), "--policy", "cma", "--robot", "vlnce", "--workers", "1"]
     assert main([*call, "--json"]) == 0
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
-    assert result["setting"]["policy_version"] == policy_identity("cma", 1.0)
+    assert result["setting"]["policy_version"] == resolve_policy("cma").identity()
     assert "128x128" in result["setting"]["view"] and not result["quarantined"]
     (results,) = folder.glob("evaluations/*/results.json")
     taken = json.loads(results.read_text())["episodes"]
