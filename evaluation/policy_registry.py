@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,7 +48,7 @@ class PolicyChoice:
     name: str
     checkpoint: Path | None = None
     timeout_s: float = 30.0
-    use: ModelUse = ModelUse()
+    use: ModelUse = field(default_factory=ModelUse)
 
     @property
     def is_server(self) -> bool:
