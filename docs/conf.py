@@ -12,7 +12,6 @@ project = "vlnpe"
 author = "The authors of vlnpe"
 project_copyright = "2026, the authors of vlnpe; Apache-2.0"
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-exclude_patterns = ["evidence*.md"]
 html_theme = "furo"
 html_title = "vlnpe"
 html_static_path = ["_static"]

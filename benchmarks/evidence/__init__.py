@@ -1,1 +1,1 @@
-"""What the data is worth: the tables of docs/evidence.md, trained, evaluated and judged."""
+"""What the data is worth: the tables behind docs/results/data.md, trained, evaluated and judged."""

@@ -1,4 +1,4 @@
-"""`make evidence`: train, evaluate, and write docs/evidence.md.
+"""`make evidence`: train, evaluate, and write a page of results beside their file.
 
 Every cell is a training and an evaluation with one seed; finished ones are reused, so that the
 command can be interrupted and repeated, and more tables, seeds or data can be added later. Cells
@@ -23,7 +23,7 @@ from vlnpe.formats.core.errors import VlnpeError, check_name
 from vlnpe.formats.core.progress import progress_bar
 from vlnpe.pipeline.cli import main as vlnpe
 
-ROOT = Path(__file__).resolve().parents[2]
+RESULTS = Path(__file__).parent / "results"
 BENCH = Path("runs/dataset-bench")  # where `make dataset-bench` writes
 
 
@@ -43,7 +43,7 @@ def main(arguments: list[str] | None = None, call: Callable[[Sequence[str]], int
     parser.add_argument("--seeds", default="", help="comma-separated; default of settings.yaml")
     parser.add_argument("--settings", type=Path, default=cells.SETTINGS, help="YAML file")
     parser.add_argument("--workers", type=int, default=0, help="of evaluations; 0: one per core")
-    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder of the page")
+    parser.add_argument("--docs", type=Path, default=RESULTS, help="folder of the page")
     parser.add_argument("--name", default=NAME, help="of the page and its files, without ending")
     parser.add_argument("--only-page", action="store_true", help="measure nothing")
     options = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""The figures of docs/evidence.md: rates by row, SR against the amount of data, training curves."""
+"""The figures of a page: rates by row, SR against the amount of data, training curves."""
 
 from __future__ import annotations
 

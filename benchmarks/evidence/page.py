@@ -1,4 +1,4 @@
-"""docs/evidence.md, from the compact file of results."""
+"""A page of all rows and claims, from the compact file of results."""
 
 import math
 from collections.abc import Collection, Mapping
@@ -29,13 +29,13 @@ _HEAD = """# What the data is worth
 
 Written by `make evidence` from `{name}.json`; do not edit. Each row is a policy, trained (once per
 seed) unless it is `random`, `forward` or `oracle`, that walked the same unseen episodes in closed
-loop. SR and the other metrics are explained in [evaluation.md](evaluation.md). Cells are means with
+loop. SR and the other metrics are explained in `vlnpe evaluate --help`. Cells are means with
 95 % intervals over seeds and scenes (`benchmarks/evidence/judge.py`): the variance over seeds and
 that over scenes and paths (clustered bootstrap) are added, and the width is Student's t. A row with
 one seed has an interval over scenes and paths alone. Differences are paired by episode. A claim is
 **reproduced** (**shown**, where VLN-PE does not report it) if the interval of its difference lies
 above zero, **contradicted** if it lies below, and **not shown** otherwise; claims are not corrected
-for their number. What was tuned, and on which scenes: [training.md](training.md).
+for their number.
 
 `exact` scenes are generated buildings without the virtual scan and its repair. Under `flash` the
 agent without a body moves exactly and goes through walls and furniture; CR is the share of walks
