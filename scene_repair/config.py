@@ -1,5 +1,6 @@
 """Options of the repair."""
 
+import math
 from dataclasses import dataclass
 
 from ..formats.core.errors import check_name
@@ -16,7 +17,7 @@ class RepairConfig:
     Attributes:
         scene_id: name of the scene; empty = the source's stem.
         up: the source's up axis, or `auto`.
-        unit: the source's unit of length, or `auto`.
+        unit: the source's unit of length, its length in metres, or `auto`.
         cell_m: side of floor and freemap cells and of collision voxels.
         fine_m: sampling distance in which holes and bumps are looked for.
         robot_height_m: nothing lower than this above a traversable cell; obstacles reach as high.
@@ -55,4 +56,22 @@ class RepairConfig:
 
     def __post_init__(self) -> None:
         check_name("up axis", self.up, ("auto", *UP_AXES))
-        check_name("unit", self.unit, ("auto", *UNIT_M))
+        if self.unit != "auto":
+            metres_per(self.unit)
+
+
+def metres_per(unit: str) -> float:
+    """Return the length [m] of a unit: a name in `UNIT_M`, or a number of metres.
+
+    Raises:
+        UnknownNameError: neither, or not above 0.
+    """
+    if unit in UNIT_M:
+        return UNIT_M[unit]
+    try:
+        metres = float(unit)
+    except ValueError:
+        metres = 0.0
+    if not 0 < metres < math.inf:
+        check_name("unit", unit, ("auto", *UNIT_M, "a number of metres"))
+    return metres

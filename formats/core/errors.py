@@ -6,6 +6,7 @@ runner and never ends the run.
 """
 
 import difflib
+import re
 import reprlib
 from collections.abc import Iterable
 from pathlib import Path
@@ -17,6 +18,8 @@ MAX_SHOWN = 100  # names in an error message
 MAX_REASON = 800  # characters
 LEAST_LIKENESS = 0.7  # of a name to be suggested; `tent` and `apartment` have 0.62
 MAX_SPELLED = 80  # characters of a name that is compared with the valid ones
+MAX_LINE = 160  # characters of another library's message
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 class VlnpeError(Exception):
@@ -42,6 +45,7 @@ class FileFormatError(InputError):
 
     def __init__(self, path: Path | str, reason: str):
         self.path = Path(path)
+        reason = without_addresses(reason)
         # Reasons may quote the file.
         reason = reason if len(reason) <= MAX_REASON else f"{reason[:MAX_REASON]}…"
         self.reason = reason
@@ -110,6 +114,17 @@ def did_you_mean(name: str, valid: Iterable[str]) -> str:
     spelled = {one.casefold(): one for one in valid}
     near = difflib.get_close_matches(name[:MAX_SPELLED].casefold(), spelled, 1, LEAST_LIKENESS)
     return f" (did you mean {spelled[near[0]]}?)" if near else ""
+
+
+def without_addresses(text: str) -> str:
+    """Return a message without places in memory, so that two runs give the same one."""
+    return _ADDRESS.sub("", text)
+
+
+def first_line(error: BaseException) -> str:
+    """Return the first line of another library's message; its type if it has none."""
+    lines = without_addresses(str(error)).strip().splitlines()
+    return (lines[0][:MAX_LINE] if lines else "") or type(error).__name__
 
 
 def brief(value: Any) -> str:

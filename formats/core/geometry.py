@@ -1,4 +1,4 @@
-"""Normals and areas of triangles, lengths along polylines."""
+"""Normals and areas of triangles, lengths along polylines, places far from the origin."""
 
 import math
 from itertools import pairwise
@@ -110,3 +110,40 @@ def space_evenly(path_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
         return path[:1]
     count = max(math.ceil(length / step_m - 1e-9), 1)
     return point_along(path, np.linspace(0.0, length, count + 1))
+
+
+# Coordinates this many times further out than a scan is large leave 32-bit numbers too few digits.
+FAR_EXTENTS = 100.0
+# Steps between 32-bit numbers, as a share of the extent, that would be seen.
+COARSE_SHARE = 1e-4
+
+
+def far_offset(points: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the round offset (3,) to subtract from points (N, 3) that lie far from the origin.
+
+    It is 0 along axes on which the middle of the points lies near. Few points that are invalid or
+    lie elsewhere do not matter.
+    """
+    points = np.asarray(points, dtype=np.float64)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):
+        return np.zeros(3)
+    low, middle, high = np.quantile(points, (0.05, 0.5, 0.95), axis=0)
+    extent = float((high - low).max())
+    if not 0 < extent < np.inf:
+        return np.zeros(3)
+    step = 10.0 ** np.ceil(np.log10(extent))
+    return np.where(np.abs(middle) > FAR_EXTENTS * extent, np.rint(middle / step) * step, 0.0)
+
+
+def coarse_warning(points: NDArray[Any], offset: NDArray[np.float64]) -> list[str]:
+    """Return a warning if points (N, 3) at `offset` (3,) were rounded to 32-bit numbers there."""
+    sample = np.asarray(points[:: max(1, len(points) // 1000)], dtype=np.float64)
+    extent = float(np.ptp(sample - offset, axis=0).max()) if len(sample) else 0.0
+    step = float(np.spacing(np.float32(np.abs(offset).max())))
+    if step <= COARSE_SHARE * extent or not np.array_equal(sample, sample.astype(np.float32)):
+        return []
+    return [
+        f"its coordinates are 32-bit numbers, which lie {step:.3g} units apart so far from the "
+        "origin: shapes are as coarse; export it nearer to the origin or in 64 bits"
+    ]

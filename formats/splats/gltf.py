@@ -6,6 +6,7 @@ xyzw order. Older drafts had `_SCALE`, `_ROTATION` and `COLOR_0` instead; these 
 
 import base64
 import binascii
+import struct
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,10 @@ import numpy as np
 
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
+from ..untrusted.files import read_input
+from ..untrusted.limits import limits
 from .kind import EXTENSION, gltf_tree, splat_primitives
-from .packed import spz_cloud
+from .packed import spz_cloud, spz_header
 from .record import F32, GaussianCloud, check_count, cleaned, joined
 
 SPZ_EXTENSIONS = (
@@ -31,7 +34,6 @@ UP, UNIT = (
     ("m", "glTF is in metres by its specification"),
 )
 MAX_NODES, MAX_DEPTH = 10_000, 64
-MAX_BUFFER_BYTES = 4 << 30
 
 
 def read_gltf_splats(path: Path) -> GaussianCloud:
@@ -49,19 +51,32 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
             raise FileFormatError(
                 path, "contains both meshes and Gaussian splats; export them to separate files"
             )
-        clouds = [
-            reader.cloud(primitive).transformed(matrix)
+        placed = [
+            (primitive, matrix)
             for mesh, matrix in _placed(tree)
             for primitive in tree["meshes"][mesh]["primitives"]
         ]
+        if not placed:
+            raise FileFormatError(path, "contains no Gaussian splats in its scene")
+        # Nodes that show one mesh many times cost a file nothing: all are counted before any is
+        # read.
+        sizes = [reader.size(primitive) for primitive, _ in placed]
+        check_count(path, sum(n for n, _ in sizes), max(degree for _, degree in sizes))
+        clouds = [reader.cloud(part).transformed(matrix, far=True) for part, matrix in placed]
     except FileFormatError:
         raise
     # A damaged tree raises many types of error; the file is at fault in each case.
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError) as error:
+    except (
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        AttributeError,
+        OSError,
+        OverflowError,
+        struct.error,
+    ) as error:
         raise FileFormatError(path, f"damaged glTF of Gaussian splats: {error!r}") from error
-    if not clouds:
-        raise FileFormatError(path, "contains no Gaussian splats in its scene")
-    check_count(path, sum(len(c) for c in clouds), max(c.degree for c in clouds))
     return cleaned(path, replace(joined(clouds), up=UP, unit=UNIT))
 
 
@@ -107,15 +122,29 @@ class _Reader:
         self._path, self._tree, self._body = path, tree, body
         self._buffers: dict[int, memoryview] = {}
 
+    def size(self, primitive: dict[str, Any]) -> tuple[int, int]:
+        """Return the number of splats of a primitive, and the degree of their harmonics."""
+        if (packed := self._spz(primitive)) is not None:
+            head = spz_header(self._path, packed)
+            return struct.unpack_from("<I", head, 8)[0], head[12]
+        attributes, degree = primitive["attributes"], 0
+        while f"{EXTENSION}:SH_DEGREE_{degree + 1}_COEF_0" in attributes:
+            degree += 1
+        return int(self._tree["accessors"][attributes["POSITION"]]["count"]), degree
+
+    def _spz(self, primitive: dict[str, Any]) -> memoryview | None:
+        inner = primitive["extensions"][EXTENSION].get("extensions", {})
+        views = [inner[name]["bufferView"] for name in SPZ_EXTENSIONS if name in inner]
+        return self._view(views[0]) if views else None
+
     def cloud(self, primitive: dict[str, Any]) -> GaussianCloud:
         """Return the splats of a primitive in its own frame."""
         if primitive.get("mode", 4) != POINTS:
             raise ValueError(f"splats of mode {primitive.get('mode', 4)}; valid: {POINTS} (points)")
+        if (packed := self._spz(primitive)) is not None:
+            return spz_cloud(self._path, bytes(packed))
         extension = primitive["extensions"][EXTENSION]
         inner = extension.get("extensions", {})
-        for name in SPZ_EXTENSIONS:
-            if name in inner:
-                return spz_cloud(self._path, bytes(self._view(inner[name]["bufferView"])))
         if inner or extension.get("kernel", "ellipse") != "ellipse":
             kind = ", ".join(inner) or extension["kernel"]
             raise FileFormatError(self._path, f"Gaussian splats with {kind} are not read")
@@ -128,10 +157,7 @@ class _Reader:
                 raise ValueError(f"{name} has {len(values)} rows for {len(position)} Gaussians")
             return values
 
-        degree = 0
-        while f"{EXTENSION}:SH_DEGREE_{degree + 1}_COEF_0" in attributes:
-            degree += 1
-        check_count(self._path, len(position), degree)
+        degree = self.size(primitive)[1]
         terms = [
             attribute(f"SH_DEGREE_{band}_COEF_{k}")
             for band in range(degree + 1)
@@ -186,8 +212,4 @@ class _Reader:
                 raise ValueError(f"embedded data is not valid base64: {error}") from error
         folder = self._path.parent.resolve()
         target = (folder / unquote(uri)).resolve()
-        if not target.is_relative_to(folder) or not target.is_file():
-            raise ValueError(f"buffer {uri!r} is missing or outside the file's folder")
-        if target.stat().st_size > MAX_BUFFER_BYTES:
-            raise ValueError(f"buffer {uri!r} is larger than {MAX_BUFFER_BYTES >> 30} GiB")
-        return memoryview(target.read_bytes())
+        return memoryview(read_input(target, root=folder, max_bytes=limits().scan_bytes))

@@ -9,7 +9,7 @@ from typing import Any
 
 from ..core.errors import FileFormatError
 from ..untrusted.documents import parse_json
-from ..untrusted.files import read_input
+from ..untrusted.files import check_input, open_input, read_input
 from ..untrusted.glb import read_glb
 from ..untrusted.limits import limits
 from .ply_header import PlyHeader, read_ply_header
@@ -50,9 +50,9 @@ def splat_kind(path: Path) -> str:
 
 def _mentions(path: Path, words: tuple[bytes, ...]) -> bool:
     """Return whether any of `words` occurs in a file."""
-    if not path.stat().st_size:
+    if not check_input(path):
         return False
-    with path.open("rb") as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
+    with open_input(path) as file, mmap(file.fileno(), 0, access=ACCESS_READ) as data:
         return any(data.find(word) >= 0 for word in words)
 
 

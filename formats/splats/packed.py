@@ -15,6 +15,8 @@ import zstandard
 from numpy.typing import NDArray
 
 from ..core.errors import FileFormatError
+from ..untrusted.files import check_input, read_input
+from ..untrusted.limits import limits
 from .harmonics import C0
 from .record import F32, GaussianCloud, check_count, cleaned
 
@@ -37,14 +39,14 @@ def read_dot_splat(path: Path) -> GaussianCloud:
     Raises:
         FileFormatError: its size fits no whole number of Gaussians, or none is usable.
     """
-    size = path.stat().st_size
+    size = check_input(path)
     count, left = divmod(size, SPLAT_ROW.itemsize)
     if left:
         raise FileFormatError(
             path, f"its size of {size:,} bytes is not a multiple of {SPLAT_ROW.itemsize}"
         )
     check_count(path, count, 0)
-    rows = np.fromfile(path, SPLAT_ROW)
+    rows = np.frombuffer(read_input(path, max_bytes=size), SPLAT_ROW)
     color = (rows["rgba"] / 255).astype(np.float32)
     with np.errstate(invalid="ignore", over="ignore"):
         unlikely = (~np.isfinite(rows["scale"]) | (rows["scale"] <= 0)).any(1).mean()
@@ -68,7 +70,7 @@ def read_spz(path: Path) -> GaussianCloud:
     Raises:
         FileFormatError: not SPZ, of another version, or damaged.
     """
-    return spz_cloud(path, path.read_bytes())
+    return spz_cloud(path, read_input(path, max_bytes=limits().scan_bytes))
 
 
 def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
@@ -77,14 +79,9 @@ def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
     Raises:
         FileFormatError: not SPZ, of another version, or damaged.
     """
-    plain = data[:4] == struct.pack("<I", SPZ_MAGIC)
-    head = data[:HEADER_4] if plain else _gunzipped(path, data, HEADER)
-    if len(head) < HEADER or struct.unpack_from("<I", head)[0] != SPZ_MAGIC:
-        raise FileFormatError(path, "is not an SPZ file: no signature")
+    head = spz_header(path, data)
     version, count = struct.unpack_from("<II", head, 4)
     degree, fraction_bits, flags, streams = head[12:16]
-    if version not in SPZ_VERSIONS or plain != (version >= 4):
-        raise FileFormatError(path, f"is SPZ version {version}; valid: 1 to 4")
     check_count(path, count, degree)
     sizes = _stream_sizes(version, count, degree)
     if version < 4:
@@ -116,6 +113,22 @@ def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
             up=UP,
         ),
     )
+
+
+def spz_header(path: Path, data: bytes | memoryview) -> bytes:
+    """Return the first bytes of an SPZ file, with its number of Gaussians, degree and flags.
+
+    Raises:
+        FileFormatError: not SPZ, or of another version.
+    """
+    plain = data[:4] == struct.pack("<I", SPZ_MAGIC)
+    head = bytes(data[:HEADER_4]) if plain else _gunzipped(path, data, HEADER)
+    if len(head) < HEADER or struct.unpack_from("<I", head)[0] != SPZ_MAGIC:
+        raise FileFormatError(path, "is not an SPZ file: no signature")
+    version = struct.unpack_from("<I", head, 4)[0]
+    if version not in SPZ_VERSIONS or plain != (version >= 4):
+        raise FileFormatError(path, f"is SPZ version {version}; valid: 1 to 4")
+    return head
 
 
 def _stream_sizes(version: int, count: int, degree: int) -> list[int]:
@@ -154,7 +167,7 @@ def _rotations(raw: NDArray[np.uint8], version: int) -> F32:
     return np.roll(xyzw, 1, axis=1).astype(np.float32)
 
 
-def _gunzipped(path: Path, data: bytes, most: int) -> bytes:
+def _gunzipped(path: Path, data: bytes | memoryview, most: int) -> bytes:
     """Return up to `most` bytes of a gzip stream, never more."""
     try:
         return zlib.decompressobj(GZIP).decompress(data, most)

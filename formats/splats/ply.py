@@ -14,7 +14,7 @@ from ..core.errors import FileFormatError
 from .harmonics import C0
 from .kind import COMPRESSED, ply_splat_kind
 from .ply_header import PlyHeader, ply_rows, read_ply_header
-from .record import F32, GaussianCloud, check_count, cleaned
+from .record import F32, GaussianCloud, check_count, cleaned, near_origin
 
 SPLAT_PROPERTIES = (
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
@@ -65,7 +65,7 @@ def _read_plain(path: Path, header: PlyHeader, licence: str) -> GaussianCloud:
         harmonics[:, 1 + k % (rest // 3), k // (rest // 3)] = rows[f"f_rest_{k}"]
     with np.errstate(over="ignore", invalid="ignore"):
         return GaussianCloud(
-            position=columns("x", "y", "z"),
+            **near_origin(np.stack([rows[axis].astype(np.float64) for axis in "xyz"], axis=-1)),
             scale=np.exp(columns("scale_0", "scale_1", "scale_2")),
             quat_wxyz=columns("rot_0", "rot_1", "rot_2", "rot_3"),
             opacity=(1 / (1 + np.exp(-rows["opacity"].astype(np.float64)))).astype(np.float32),

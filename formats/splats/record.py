@@ -2,12 +2,15 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import FileFormatError
 from ..core.frames import matrix_to_quat, quat_to_matrix
+from ..core.geometry import coarse_warning, far_offset
+from ..untrusted.limits import limits
 from .harmonics import rotate_harmonics
 
 F32 = NDArray[np.float32]
@@ -35,6 +38,8 @@ class GaussianCloud:
         unit: unit of length that the format promises, with the reason, or None.
         licence: as the file states it, empty if it states none.
         warnings: what had to be dropped while reading.
+        offset: (3,) to add to `position` for the file's coordinates, which may lie too far from the
+            origin for 32 bits.
     """
 
     position: F32
@@ -47,6 +52,7 @@ class GaussianCloud:
     unit: tuple[str, str] | None = None
     licence: str = ""
     warnings: tuple[str, ...] = ()
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __len__(self) -> int:
         return len(self.position)
@@ -68,15 +74,22 @@ class GaussianCloud:
             harmonics=self.harmonics[rows],
         )
 
-    def transformed(self, similarity: ArrayLike) -> "GaussianCloud":
-        """Return the cloud moved by a (4, 4) similarity, its harmonics rotated with it."""
+    def transformed(self, similarity: ArrayLike, far: bool = False) -> "GaussianCloud":
+        """Return the cloud moved by a (4, 4) similarity, its harmonics rotated with it.
+
+        Args:
+            similarity: applies to the file's coordinates.
+            far: give the result an offset if it lies far from the origin; otherwise it has none.
+        """
         matrix = np.asarray(similarity, dtype=np.float64)
         factor = float(np.cbrt(np.linalg.det(matrix[:3, :3])))
         rotation = matrix[:3, :3] / factor
         turn = matrix_to_quat(rotation)
+        position = self.position.astype(np.float64) @ matrix[:3, :3].T
+        position += matrix[:3, :3] @ self.offset + matrix[:3, 3]
         return replace(
             self,
-            position=(self.position @ matrix[:3, :3].T + matrix[:3, 3]).astype(np.float32),
+            **(near_origin(position) if far else _at_origin(position)),
             scale=(self.scale * factor).astype(np.float32),
             quat_wxyz=_product(turn, self.quat_wxyz),
             harmonics=rotate_harmonics(self.harmonics, rotation),
@@ -85,18 +98,35 @@ class GaussianCloud:
         )
 
 
+def near_origin(position: NDArray[np.float64]) -> dict[str, Any]:
+    """Return `position` in 32 bits and `offset` for points (N, 3) that may lie far away."""
+    return _at_origin(position, far_offset(position))
+
+
+def _at_origin(
+    position: NDArray[np.float64], offset: NDArray[np.float64] | None = None
+) -> dict[str, Any]:
+    offset = np.zeros(3) if offset is None else offset
+    with np.errstate(over="ignore"):
+        near = (position - offset).astype(np.float32)
+    return {"position": near, "offset": (float(offset[0]), float(offset[1]), float(offset[2]))}
+
+
 def cleaned(path: Path, cloud: GaussianCloud) -> GaussianCloud:
     """Drop unusable Gaussians with a warning; normalise quaternions; clip opacities.
 
     Raises:
         FileFormatError: none is usable.
     """
+    if not np.any(cloud.offset):
+        cloud = replace(cloud, **near_origin(cloud.position.astype(np.float64)))
+    offset = np.array(cloud.offset)
     length = np.linalg.norm(cloud.quat_wxyz, axis=1)
     usable = np.isfinite(cloud.position).all(1) & (np.abs(cloud.position) < MAX_COORDINATE).all(1)
     usable &= np.isfinite(cloud.scale).all(1) & (cloud.scale < MAX_COORDINATE).all(1)
     usable &= np.isfinite(length) & (length > 1e-6) & np.isfinite(cloud.opacity)
     usable &= np.isfinite(cloud.harmonics).all((1, 2))
-    warnings = cloud.warnings
+    warnings = (*cloud.warnings, *coarse_warning(cloud.position + offset, offset))
     if not usable.any():
         raise FileFormatError(path, f"none of its {len(cloud):,} Gaussians has valid numbers")
     if not usable.all():
@@ -112,6 +142,7 @@ def cleaned(path: Path, cloud: GaussianCloud) -> GaussianCloud:
 
 def joined(clouds: list[GaussianCloud]) -> GaussianCloud:
     """Return all clouds in one, with harmonics of the highest degree; the rest is of the first."""
+    origin = np.array(clouds[0].offset)
     width = max(cloud.harmonics.shape[1] for cloud in clouds)
 
     def padded(cloud: GaussianCloud) -> F32:
@@ -120,7 +151,9 @@ def joined(clouds: list[GaussianCloud]) -> GaussianCloud:
 
     return replace(
         clouds[0],
-        position=np.concatenate([c.position for c in clouds]),
+        position=np.concatenate(
+            [(c.position + (np.array(c.offset) - origin)).astype(np.float32) for c in clouds]
+        ),
         scale=np.concatenate([c.scale for c in clouds]),
         quat_wxyz=np.concatenate([c.quat_wxyz for c in clouds]),
         opacity=np.concatenate([c.opacity for c in clouds]),
@@ -131,6 +164,8 @@ def joined(clouds: list[GaussianCloud]) -> GaussianCloud:
 def check_count(path: Path, count: int, degree: int) -> None:
     """Refuse counts and degrees that no reader should allocate memory for.
 
+    Readers call it before they decompress or copy anything.
+
     Raises:
         FileFormatError: too many; names the number and the valid ones.
     """
@@ -138,6 +173,13 @@ def check_count(path: Path, count: int, degree: int) -> None:
         raise FileFormatError(path, f"declares {count:,} Gaussians; valid: 1 to {MAX_SPLATS:,}")
     if not 0 <= degree <= MAX_DEGREE:
         raise FileFormatError(path, f"harmonics of degree {degree}; valid: 0 to {MAX_DEGREE}")
+    size, cap = count * 4 * (11 + 3 * (degree + 1) ** 2), limits().splat_bytes
+    if size > cap:
+        raise FileFormatError(
+            path,
+            f"declares {count:,} Gaussians with harmonics of degree {degree}, which take {size:,} "
+            f"bytes in memory; valid: up to {cap:,} (limit splat_bytes)",
+        )
 
 
 def covariances(cloud: GaussianCloud) -> F32:

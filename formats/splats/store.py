@@ -9,13 +9,13 @@ splats.npz
   antialiased  () bool
 """
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
 
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
+from ..untrusted.arrays import read_arrays
 from .record import GaussianCloud
 
 SPLATS_NAME = "splats.npz"
@@ -46,17 +46,17 @@ def load_splats(folder: Path) -> GaussianCloud:
     path = folder / SPLATS_NAME
     if not path.is_file():
         raise FileFormatError(path, "missing: this scene has no Gaussian splats")
+    data = read_arrays(path)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            cloud = GaussianCloud(
-                position=data["position"],
-                scale=np.exp(data["log_scale"].astype(np.float32)),
-                quat_wxyz=data["quat_wxyz"].astype(np.float32) / ONE16,
-                opacity=data["opacity"].astype(np.float32) / ONE_U16,
-                harmonics=data["harmonics"].astype(np.float32),
-                antialiased=bool(data["antialiased"]),
-            )
-    except (KeyError, ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
+        cloud = GaussianCloud(
+            position=data["position"],
+            scale=np.exp(data["log_scale"].astype(np.float32)),
+            quat_wxyz=data["quat_wxyz"].astype(np.float32) / ONE16,
+            opacity=data["opacity"].astype(np.float32) / ONE_U16,
+            harmonics=data["harmonics"].astype(np.float32),
+            antialiased=bool(data["antialiased"]),
+        )
+    except (KeyError, ValueError) as error:
         raise FileFormatError(path, f"damaged splats: {error}") from error
     count = len(cloud.position)
     parts = (cloud.scale, cloud.quat_wxyz, cloud.opacity, cloud.harmonics)

@@ -58,6 +58,12 @@ def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = 
         raise
 
 
+def read_start(path: Path, count: int) -> bytes:
+    """Return up to the first `count` bytes of a regular file; raises as `check_input`."""
+    with open_input(path) as stream:
+        return stream.read(count)
+
+
 def read_input(path: Path, *, root: Path | None = None, max_bytes: int) -> bytes:
     """Return the content of a regular file.
 

@@ -18,6 +18,7 @@ class Limits:
 
     Attributes:
         scan_bytes: a mesh, point cloud or USD file, and each file that it refers to.
+        splat_bytes: Gaussian splats in memory, with their harmonics.
         json_bytes: a JSON document, except for VLN-CE episodes; also the JSON part of a glTF file.
         json_values: keys, numbers, texts, lists and objects of a JSON document, roughly.
         text_bytes: a YAML or TOML document.
@@ -35,6 +36,7 @@ class Limits:
     """
 
     scan_bytes: int = 4 << 30
+    splat_bytes: int = 2 << 30
     json_bytes: int = 256 << 20
     json_values: int = 20_000_000
     text_bytes: int = 1 << 20

@@ -12,7 +12,6 @@ from ...formats.core.atomic import file_digest
 from ...formats.core.checkout import program
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
-from ...formats.scene.bundle import INDEX_NAME
 from ...formats.vlnce.files import read_vlnce, write_episodes
 from ...formats.vlnce.groups import instruction_count
 from ...trajectory_sampler.align_config import AlignConfig
@@ -21,7 +20,7 @@ from ..engine.context import open_single
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest
-from ..inputs.folders import scenes_in
+from ..inputs.folders import scenes_in, scenes_root
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
 from ..stages import align, episodes, repair
@@ -58,7 +57,7 @@ def run_align(options: Align) -> int:
         parts = _parts(context, [
             align.part_name(read_vlnce(f).split, s, len(files)) for f in files for s in scenes
         ])  # fmt: skip
-        items = align.items(files, scenes, options.scenes.resolve(), parts, config)
+        items = align.items(files, scenes, scenes_root(options.scenes), parts, config)
         summary = run_stage(context, align.STAGE, items)
         _raise_if_nothing(summary)
         none = StageSummary(align.FILTER_STAGE)
@@ -118,7 +117,7 @@ def run_filter(options: Filter) -> int:
         items = []
         for path in options.episodes:
             target = out / path.name if several else out.resolve()
-            folder = options.scenes.resolve() if options.scenes else None
+            folder = scenes_root(options.scenes) if options.scenes else None
             items.append(align.filter_item(path, target, rules, scenes, folder))
         summary = run_stage(context, align.FILTER_STAGE, items, required=True)
     lines = []
@@ -233,11 +232,7 @@ def _pictures(out: Path | None, scenes: Sequence[Path], paths: Sequence[Episode]
 def _scene_folders(given: Sequence[Path]) -> list[Path]:
     if not given:
         raise InputError("no scene; valid: folders of repaired scenes")
-    return [
-        scene
-        for folder in given
-        for scene in ([folder] if (folder / INDEX_NAME).is_file() else scenes_in(folder).values())
-    ]
+    return [scene for folder in given for scene in scenes_in(folder).values()]
 
 
 def _robots(names: str) -> list[RobotSpec]:

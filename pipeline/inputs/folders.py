@@ -44,12 +44,22 @@ def _scans(folder: Path, *, top: bool, above: tuple[Path, ...]) -> list[Path]:
     return scans
 
 
+def scenes_root(folder: Path) -> Path:
+    """Return the folder that holds the scenes of `folder`, which may be a repaired scene itself."""
+    folder = folder.resolve()
+    return folder.parent if (folder / INDEX_NAME).is_file() else folder
+
+
 def scenes_in(folder: Path) -> dict[str, Path]:
     """Return the folder of every repaired scene in `folder`, by scene id.
+
+    A repaired scene contains itself alone.
 
     Raises:
         InputError: If `folder` contains no repaired scene.
     """
+    if (folder / INDEX_NAME).is_file():
+        return {folder.name: folder}
     indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
     found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
     if not found:

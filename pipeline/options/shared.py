@@ -31,7 +31,8 @@ class Orientation:
     up: str = "auto"
     """Up axis of scans: x, y, z, -x, -y, -z, or auto to detect it."""
     unit: str = "auto"
-    """Length unit of scans: m, cm, mm, in, ft, or auto to detect it."""
+    """Length unit of scans: m, cm, mm, in, ft, its length in metres (0.142857), or auto to detect
+    it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..config import UNIT_M
+from ..config import UNIT_M, metres_per
 from ..scan.record import Scan
 from .gravity import Surfaces, height_range
 
@@ -129,14 +129,18 @@ def infer_unit(sizes: Sizes) -> tuple[str, str, float]:
     scores = {name: PRIOR[name] + _fit(sizes, length) for name, length in UNIT_M.items()}
     ranked = sorted(scores, key=lambda name: -scores[name])
     best, second = ranked[0], ranked[1]
-    length = UNIT_M[best]
-    facts = [f"rooms are {sizes.room * length:.2f} m high"]
-    if sizes.door:
-        facts.append(f"doors {sizes.door * length:.2f} m ({sizes.door_source})")
-    facts.append(f"the whole is {sizes.width * length:.2f} m long")
     lead = scores[best] - scores[second]
     doubt = f"; {second} is nearly as likely, see --unit" if lead < 2.0 else ""
-    return best, f"in {best} {', '.join(facts)}{doubt}", lead
+    return best, f"{sizes_in(sizes, best)}{doubt}", lead
+
+
+def sizes_in(sizes: Sizes, unit: str) -> str:
+    """Return the sizes in words, if the source is in `unit`."""
+    length = metres_per(unit)
+    facts = [f"in {unit} rooms are {sizes.room * length:.2f} m high"]
+    if sizes.door:
+        facts.append(f"doors {sizes.door * length:.2f} m ({sizes.door_source})")
+    return ", ".join([*facts, f"the whole is {sizes.width * length:.2f} m long"])
 
 
 def _fit(sizes: Sizes, length: float) -> float:

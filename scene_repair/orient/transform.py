@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import SceneError
-from ..config import UNIT_M, RepairConfig
+from ..config import RepairConfig, metres_per
 from ..scan.record import Scan
 from .bounds import robust_bounds
 from .gravity import (
@@ -19,7 +19,7 @@ from .gravity import (
     refine,
     side_evidence,
 )
-from .scale import Sizes, infer_unit, measure
+from .scale import Sizes, infer_unit, measure, sizes_in
 
 # Rows give world x, y, z in source coordinates; each is a rotation. y up is Habitat's convention.
 _TO_Z_UP = {
@@ -74,7 +74,7 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
     extent = upper - lower
     sizes = measure(scan, surfaces, turned)
     unit, unit_reason, unit_doubt = _unit(scan, sizes, config)
-    scale = UNIT_M[unit]
+    scale = metres_per(unit)
     _check_extent(extent * scale, unit)
     source_to_world = np.eye(4)
     source_to_world[:3, :3] = scale * turned
@@ -212,8 +212,11 @@ def _unit(scan: Scan, sizes: Sizes, config: RepairConfig) -> tuple[str, str, lis
     unit, reason = scan.unit
     if inferred == unit or lead <= DOUBT:
         return unit, reason, []
-    more = f"{evidence} would be more usual: set --unit {inferred} if so"
-    return unit, f"{reason}, though {more}", [more]
+    doubt = (
+        f"{sizes_in(sizes, unit)}; in {inferred} the sizes would be more usual ({evidence}): set "
+        f"--unit {inferred} if that is right, or --unit to the length of the file's unit in metres"
+    )
+    return unit, f"{reason}, though {doubt}", [doubt]
 
 
 def _check_extent(size_m: NDArray[np.float64], unit: str) -> None:

@@ -2,17 +2,12 @@
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from ...formats.core.errors import FileFormatError
+from ...formats.splats.ply_header import read_ply_header
+from ...formats.untrusted.files import check_input, open_input, read_start
 
-MAX_PLY_HEADER_BYTES = 1 << 16
-SIZES = {
-    "char": 1, "uchar": 1, "int8": 1, "uint8": 1, "short": 2, "ushort": 2, "int16": 2,
-    "uint16": 2, "int": 4, "uint": 4, "int32": 4, "uint32": 4, "float": 4, "float32": 4,
-    "double": 8, "float64": 8,
-}  # fmt: skip
 MAX_PCD_HEADER_BYTES = 1 << 14
 MAX_POINTS = 200_000_000
 KINDS = ("ascii", "binary", "binary_compressed")
@@ -23,61 +18,14 @@ MAX_TRIANGLES = 20_000_000
 BLOCK = 8 << 20
 
 
-@dataclass(frozen=True)
-class PlyElement:
-    """One PLY element: its number of rows, and the least number of bytes of each."""
-
-    name: str
-    count: int
-    least_bytes: int
-    properties: tuple[str, ...]
-
-
-def read_header(path: Path) -> list[PlyElement]:
-    """Return the elements that a PLY file declares, and check that it is long enough for them.
-
-    Raises:
-        FileFormatError: no PLY header, or it promises more than the file can hold.
-    """
-    with path.open("rb") as stream:
-        start = stream.read(MAX_PLY_HEADER_BYTES)
-    head, end, _ = start.partition(b"end_header")
-    if not start.startswith(b"ply") or not end:
-        raise FileFormatError(path, "has no PLY header")
-    lines = [line.split() for line in head.decode("latin-1").splitlines()]
-    binary = any(line[:2] == ["format", "binary_little_endian"] for line in lines) or any(
-        line[:2] == ["format", "binary_big_endian"] for line in lines
-    )
-    found: list[PlyElement] = []
-    try:
-        for line in lines:
-            if line[:1] == ["element"]:
-                found.append(PlyElement(line[1], int(line[2]), 0, ()))
-            elif line[:1] == ["property"] and found:
-                last = found.pop()
-                # A list takes at least its count; text at least a digit and a blank.
-                size = SIZES[line[2] if line[1] == "list" else line[1]] if binary else 2
-                properties = (*last.properties, line[-1])
-                found.append(PlyElement(last.name, last.count, last.least_bytes + size, properties))
-    except (IndexError, ValueError, KeyError) as error:
-        raise FileFormatError(path, f"damaged PLY header: {error!r}") from error
-    body = path.stat().st_size - len(head) - len(end)
-    for element in found:
-        if element.count < 0 or element.count * max(element.least_bytes, 1) > body:
-            raise FileFormatError(
-                path, f"declares {element.count:,} × {element.name} in {body:,} bytes"
-            )
-    return found
-
-
 def has_faces(path: Path) -> bool:
     """Return whether a PLY file declares faces or triangle strips, or no vertices either.
 
     Raises:
         FileFormatError: no PLY header, or it promises more than the file can hold.
     """
-    counts = {element.name: element.count for element in read_header(path)}
-    return counts.get("face", 0) > 0 or counts.get("tristrips", 0) > 0 or not counts.get("vertex")
+    header = read_ply_header(path)
+    return header.count("face") > 0 or header.count("tristrips") > 0 or not header.count("vertex")
 
 
 def check_pcd(path: Path) -> None:
@@ -86,8 +34,7 @@ def check_pcd(path: Path) -> None:
     Raises:
         FileFormatError: no PCD header, no coordinates, or more points than the file can hold.
     """
-    with path.open("rb") as stream:
-        start = stream.read(MAX_PCD_HEADER_BYTES)
+    start = read_start(path, MAX_PCD_HEADER_BYTES)
     facts: dict[str, list[str]] = {}
     at = 0
     while "DATA" not in facts:
@@ -116,7 +63,7 @@ def check_pcd(path: Path) -> None:
         raise FileFormatError(path, "damaged PCD header: impossible SIZE or COUNT")
     if not 0 <= points <= MAX_POINTS or grid != points:
         raise FileFormatError(path, f"declares {points:,} points, but {grid:,} by width and height")
-    body = path.stat().st_size - at
+    body = check_input(path) - at
     row = sum(s * c for s, c in zip(sizes, counts, strict=True))
     needed = {"ascii": 2 * len(fields), "binary": row}.get(kind, 0) * points
     if kind == "binary_compressed":
@@ -136,11 +83,9 @@ def check_ply(path: Path) -> None:
     Raises:
         FileFormatError: names what is wrong.
     """
-    counts = {element.name: element.count for element in read_header(path)}
-    if counts.get("face", 0) > MAX_TRIANGLES:
-        raise FileFormatError(
-            path, f"declares {counts['face']:,} faces; valid: up to {MAX_TRIANGLES:,}"
-        )
+    faces = read_ply_header(path).count("face")
+    if faces > MAX_TRIANGLES:
+        raise FileFormatError(path, f"declares {faces:,} faces; valid: up to {MAX_TRIANGLES:,}")
 
 
 def check_stl(path: Path) -> None:
@@ -149,9 +94,7 @@ def check_stl(path: Path) -> None:
     Raises:
         FileFormatError: names what is wrong.
     """
-    size = path.stat().st_size
-    with path.open("rb") as stream:
-        start = stream.read(STL_HEADER)
+    size, start = check_input(path), read_start(path, STL_HEADER)
     if len(start) < 15:
         raise FileFormatError(path, f"is not an STL file: it has {size} bytes")
     if start.lstrip().lower().startswith(b"solid") and b"\0" not in start:
@@ -171,7 +114,7 @@ def check_obj(path: Path) -> None:
     """
     groups = 0
     last = b"\n"
-    with path.open("rb") as stream:
+    with open_input(path) as stream:
         while block := stream.read(BLOCK):
             joined = last + block
             groups += sum(joined.count(key) for key in (b"\no ", b"\ng ", b"\nusemtl "))
@@ -188,12 +131,11 @@ def check_off(path: Path) -> None:
     Raises:
         FileFormatError: names what is wrong.
     """
-    with path.open("rb") as stream:
-        lines = stream.read(OFF_HEADER).splitlines()
+    lines = read_start(path, OFF_HEADER).splitlines()
     # Comments may stand between the signature and the numbers, and have numbers in them.
     words = [word for line in lines for word in line.partition(b"#")[0].split()]
     numbers = [w for w in words[:4] if w.isdigit()]
-    size = path.stat().st_size
+    size = check_input(path)
     if len(numbers) >= 2 and 4 * (int(numbers[0]) + int(numbers[1])) > size:
         raise FileFormatError(
             path,

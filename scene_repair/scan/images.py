@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from PIL import Image
 
+from ...formats.core.errors import first_line
 from .big_png import shrink_png
 
 # Larger pictures are scaled down while they are decoded.
@@ -52,7 +53,7 @@ def open_image(
         return _open(data, name, warnings, budget)
     # Pillow's readers raise many types on damaged bytes.
     except Exception as error:
-        warnings.append(f"picture {name} cannot be read ({brief(error)}); its colour is used")
+        warnings.append(f"picture {name} cannot be read ({first_line(error)}); its colour is used")
         return None
 
 
@@ -114,16 +115,10 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
             image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
         picture = image.convert("RGB")
     except Exception as error:
-        warnings.append(f"picture {name} is damaged ({brief(error)}); its colour is used")
+        warnings.append(f"picture {name} is damaged ({first_line(error)}); its colour is used")
         return None
     if scale < 1.0:
         size = (max(1, int(picture.width * scale)), max(1, int(picture.height * scale)))
         picture = picture.resize(size, Image.Resampling.BOX)
     picture.format = kind
     return picture
-
-
-def brief(error: Exception) -> str:
-    """Return the first line of an error's message, or its type if the message is empty."""
-    lines = str(error).strip().splitlines()
-    return (lines[0][:160] if lines else "") or type(error).__name__

@@ -15,7 +15,7 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
-from ...formats.core.errors import FileFormatError
+from ...formats.core.errors import FileFormatError, first_line
 from ...formats.untrusted.files import check_input, read_input
 from ...formats.untrusted.limits import limits
 from ..gltf.checks import check_gltf
@@ -24,7 +24,7 @@ from ..gltf.textures import with_images
 from ..labels.categories import category_of_name
 from .files import MESH_SUFFIXES
 from .headers import CHECKS
-from .images import brief, decode_all
+from .images import decode_all
 from .obj import without_bad_faces
 from .record import DEFAULT_COLOR, Scan, ScanMaterial, linear_to_srgb
 from .resolver import ConfinedResolver
@@ -101,7 +101,7 @@ def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.
     except Exception as error:
         if resolver.refused:
             raise FileFormatError(path, resolver.refused) from error
-        raise FileFormatError(path, f"cannot be read as {kind}: {brief(error)}") from error
+        raise FileFormatError(path, f"cannot be read as {kind}: {first_line(error)}") from error
 
 
 @contextlib.contextmanager

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ...formats.core.errors import FileFormatError, InputError, MissingExtraError
-from .headers import check_pcd, read_header
+from ...formats.splats.ply_header import read_ply_header
+from .headers import check_pcd
 from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
 
@@ -42,7 +43,7 @@ def read(path: Path) -> Readings:
     if path.suffix.lower() == ".pcd":
         check_pcd(path)
     else:
-        read_header(path)
+        read_ply_header(path)
     o3d = _open3d()
     warnings: list[str] = []
     points, colors, normals = _points(o3d, path, warnings)

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.errors import without_addresses
+
 # Surfaces that say nothing of their colour: plaster.
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
 
@@ -72,6 +74,9 @@ class Scan:
     generator: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     companion: Companion | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "warnings", tuple(map(without_addresses, self.warnings)))
 
     def object_faces(self) -> list[NDArray[np.int64]]:
         """Return the face indices of each object."""

@@ -90,9 +90,10 @@ def _check_directions(
     cloud: GaussianCloud,
 ) -> None:
     """Raise FileFormatError if obstacles among the splats fit a mirrored map better."""
-    height = cloud.position[:, 2] - FLOOR_Z_M
+    position = cloud.position.astype(np.float64) + cloud.offset
+    height = position[:, 2] - FLOOR_Z_M
     solid = (height > OBSTACLE_M[0]) & (height < OBSTACLE_M[1]) & (cloud.opacity > 0.3)
-    cell = np.floor((cloud.position[solid, :2] - origin) / scale).astype(np.int64)
+    cell = np.floor((position[solid, :2] - origin) / scale).astype(np.int64)
     cell = cell[((cell >= 0) & (cell < free.shape[::-1])).all(1)]
     if not len(cell):
         raise FileFormatError(path, "no splat lies on it; use the map of the same scene")

@@ -67,6 +67,8 @@ def find_solid(cloud: GaussianCloud) -> Solid:
         raise SceneError(f"only {int(main.sum())} Gaussians lie close together")
     position = cloud.position.astype(np.float64)
     lower, upper = (np.quantile(position[main], q, axis=0) for q in (0.002, 0.998))
+    if not (upper > lower).any():
+        raise SceneError(f"its {int(main.sum()):,} Gaussians lie in one point")
     margin = 0.02 * float((upper - lower).max())
     lower, upper = lower - margin, upper + margin
     boxed = ((position > lower) & (position < upper)).all(1)
@@ -84,6 +86,8 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     shaped = (size[:, 2] < MAX_SIZE_CELLS * cell) | (size[:, 0] < FLAT * size[:, 1])
     shaped &= size[:, 2] < 4 * MAX_SIZE_CELLS * cell
     keep = inside & dense & shaped
+    if not keep.any():
+        raise SceneError(f"none of its {len(cloud):,} Gaussians is as small as a part of a surface")
     weight = np.bincount(flat[keep], cloud.opacity[keep], minlength=count.size).reshape(shape)
     occupied = weight >= 0.1 * float(np.median(weight[weight > 0]))
     clearance = distance_to(occupied).astype(np.float32) * np.float32(cell)

@@ -37,7 +37,7 @@ from ...formats.untrusted.limits import limits
 from ..scan.readings import ANSWER
 from ..scan.sandbox import answer, run_child
 
-ARRAYS = ("position", "scale", "quat_wxyz", "opacity", "harmonics")
+ARRAYS = ("position", "scale", "quat_wxyz", "opacity", "harmonics", "offset")
 PREFIX = ".gaussians_nodes.gaussians."
 FLOATS = {2: np.float16, 4: np.float32}
 # Bytes of a Gaussian with harmonics of degree 3, in 32 bits, and what else the file holds.
@@ -59,7 +59,8 @@ def read_usd_splats(path: Path) -> GaussianCloud:
 
 def _load(data: dict[str, Any], folder: Path) -> GaussianCloud:
     arrays = [np.load(folder / f"{name}.npy", allow_pickle=False) for name in ARRAYS]
-    return GaussianCloud(*arrays, warnings=tuple(data["warnings"]))
+    *arrays, offset = arrays
+    return GaussianCloud(*arrays, warnings=tuple(data["warnings"]), offset=tuple(offset.tolist()))
 
 
 def _write(path: Path, folder: Path) -> None:
@@ -114,7 +115,7 @@ def _moved(
         raise FileFormatError(
             path, "splats are mirrored or scaled unevenly; valid: rotation and scale"
         )
-    return cloud.transformed(matrix)
+    return cloud.transformed(matrix, far=True)
 
 
 def _particle_field(path: Path, prim: Any) -> GaussianCloud:

@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 from pxr import Sdf
 
 from ...formats.core.errors import FileFormatError
+from ...formats.untrusted.files import read_start
 from ..scan.files import USD_SUFFIXES
 from .package import check_package
 
@@ -91,8 +92,7 @@ def check_signature(path: Path) -> None:
         FileFormatError: no USD file, or of another kind than its name says.
     """
     suffix = path.suffix.lower()
-    with path.open("rb") as stream:
-        start = stream.read(5)
+    start = read_start(path, 5)
     kind = next((k for s, k in SIGNATURES.items() if start.startswith(s)), None)
     if kind is None or suffix not in (".usd", kind):
         raise FileFormatError(path, f"is not a {suffix[1:]} file: it starts with {start!r}")

@@ -4,6 +4,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 from ...formats.core.errors import FileFormatError
+from ...formats.untrusted.files import check_input, open_input
 
 MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
 
@@ -14,9 +15,9 @@ def check_package(path: Path) -> list[str]:
     Raises:
         FileFormatError: not a package that USD may read.
     """
-    size = path.stat().st_size
+    size = check_input(path)
     try:
-        with zipfile.ZipFile(path) as package:
+        with open_input(path) as stream, zipfile.ZipFile(stream) as package:
             members = package.infolist()
     # zipfile raises half a dozen types on damaged bytes.
     except Exception as error:
@@ -50,7 +51,7 @@ def read_member(path: Path, name: str) -> bytes:
         FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.
     """
     try:
-        with zipfile.ZipFile(path) as package:
+        with open_input(path) as stream, zipfile.ZipFile(stream) as package:
             size = package.getinfo(name).file_size
             if size > MAX_MEMBER_BYTES:
                 raise ValueError(f"{size:,} bytes; valid: up to {MAX_MEMBER_BYTES:,}")

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
+from ...formats.core.errors import FileFormatError
+from ...formats.untrusted.files import read_input
 from ..scan.readings import LookRef
 from ..scan.record import DEFAULT_COLOR, linear_to_srgb
 
@@ -121,9 +123,12 @@ class StageMaterials:
         if asset is None:
             return None
         path, member = self._picture(*asset)
-        if not path or member or Path(path).stat().st_size > MAX_MDL_BYTES:
+        if not path or member:
             return None
-        text = Path(path).read_text(errors="replace")
+        try:
+            text = read_input(Path(path), max_bytes=MAX_MDL_BYTES).decode(errors="replace")
+        except FileFormatError:
+            return None
         for name, picture in MDL_TEXTURE.findall(text):
             if TEXTURE_INPUT.search(name):
                 beside = posixpath.join(posixpath.dirname(asset[0]), picture)

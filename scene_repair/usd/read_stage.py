@@ -36,7 +36,7 @@ def read(path: Path) -> Readings:
     parts = PartList(path, StageMaterials(path.parent.resolve(), warnings), warnings)
     try:
         _walk(stage.GetPseudoRoot(), np.eye(4), "", parts, UsdGeom.XformCache(TIME), 0)
-        up, unit, scale = _conventions(stage, warnings)
+        up, unit = _conventions(stage, warnings)
     # Values of other types than their names promise fail in many ways.
     except (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError) as error:
         raise FileFormatError(path, f"damaged: {brief(error)}") from error
@@ -44,9 +44,6 @@ def read(path: Path) -> Readings:
         if not parts.parts:
             raise FileFormatError(path, f"holds Gaussian splats ({splats}) and no mesh; {AS_SCENE}")
         warnings.append(f"Gaussian splats ({splats}) beside the meshes left out; {AS_SCENE}")
-    if scale != 1.0:
-        for part in parts.parts:
-            part.vertices[...] *= scale
     return Readings(parts.parts, parts.looks, up, unit, warnings)
 
 
@@ -90,23 +87,21 @@ def open_stage(path: Path, warnings: list[str]) -> Usd.Stage:
 
 def _conventions(
     stage: Usd.Stage, warnings: list[str]
-) -> tuple[tuple[str, str] | None, tuple[str, str] | None, float]:
-    """Return up axis and unit if the stage states them, and the factor to that unit."""
+) -> tuple[tuple[str, str] | None, tuple[str, str] | None]:
+    """Return up axis and unit if the stage states them."""
     up = unit = None
     if stage.HasAuthoredMetadata(UsdGeom.Tokens.upAxis):
         axis = str(UsdGeom.GetStageUpAxis(stage)).lower()
         up = (axis, f"the stage's upAxis is {axis.upper()}")
     if not stage.HasAuthoredMetadata(UsdGeom.Tokens.metersPerUnit):
-        return up, unit, 1.0
+        return up, unit
     metres = float(UsdGeom.GetStageMetersPerUnit(stage))
     if not np.isfinite(metres) or metres <= 0:
         warnings.append(f"metersPerUnit {metres} ignored")
-        return up, unit, 1.0
+        return up, unit
     reason = f"the stage's metersPerUnit is {metres:g}"
-    for name, length in UNIT_M.items():
-        if abs(metres / length - 1.0) < 1e-6:
-            return up, (name, reason), 1.0
-    return up, ("m", reason), metres
+    names = (name for name, length in UNIT_M.items() if abs(metres / length - 1.0) < 1e-6)
+    return up, (next(names, repr(metres)), reason)
 
 
 def _walk(

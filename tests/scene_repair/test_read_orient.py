@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from tests.support.scenes import scans
 from vlnpe.apartments.generate import ApartmentConfig, build_scene
-from vlnpe.formats.core.errors import SceneError
+from vlnpe.formats.core.errors import SceneError, UnknownNameError
 from vlnpe.pipeline.cli import main
 from vlnpe.scene_repair.config import UNIT_M, RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
@@ -114,7 +114,28 @@ def test_a_doubtful_unit_is_reported() -> None:
     scan = replace(apartment(0), vertices=apartment(0).vertices * 39.37)
     way = orient(named(scan, "z", "m"), RepairConfig())
     assert way.evidence["unit"] == "m"
-    assert "set --unit in if so" in way.evidence["unit_reason"]
+    assert "set --unit in if" in way.evidence["unit_reason"]
+
+
+def test_any_scale_is_a_number_of_metres() -> None:
+    """A room modelled at 7:1, which no named unit fits."""
+    scan = turned(apartment(0), np.eye(3), 7.0)
+    way = orient(scan, RepairConfig(unit=str(1 / 7)))
+    assert way.evidence["extent_m"] == pytest.approx(
+        orient(apartment(0), RepairConfig(unit="m")).evidence["extent_m"], abs=1e-3
+    )
+    assert RepairConfig(unit="0.0254").unit == "0.0254"
+    for bad in ("0", "-1", "nan", "inf", "1e999", "metre", "1 m"):
+        with pytest.raises(UnknownNameError, match="a number of metres"):
+            RepairConfig(unit=bad)
+
+
+def test_the_doubt_about_a_unit_is_a_sentence() -> None:
+    scan = replace(apartment(0), vertices=apartment(0).vertices / 0.3048)
+    evidence = orient(named(scan, "z", "m"), RepairConfig()).evidence
+    (doubt,) = evidence["doubts"]
+    assert doubt.startswith("in m rooms are 8.46 m high")
+    assert "; in ft the sizes would be more usual (in ft rooms are 2.58 m high" in doubt
 
 
 def test_named_floors_determine_up() -> None:

@@ -15,10 +15,10 @@ from tests.support.scenes.damage import damage, sound_files
 from tests.support.scenes.small_glb import check_sound
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError
 from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.formats.splats.ply_header import read_ply_header
 from vlnpe.scene_repair.grid import columns as columns_module
 from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
-from vlnpe.scene_repair.scan.headers import read_header
 from vlnpe.scene_repair.scan.mesh import read_mesh
 from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.usd import read_stage as read_usd
@@ -44,7 +44,7 @@ def test_ply_header_without_end(tmp_path: Path) -> None:
     path = tmp_path / "scan.ply"
     path.write_bytes(b"ply\n" + b"comment x\n" * 100_000)
     with pytest.raises(FileFormatError, match="no PLY header"):
-        read_header(path)
+        read_ply_header(path)
 
 
 def test_stl_with_a_false_triangle_count_is_refused(tmp_path: Path) -> None:

@@ -212,7 +212,7 @@ def test_written_labels_go_before_names(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("up", "metres", "expected"),
-    [("Z", 1.0, ("z", "m")), ("Y", 0.0254, ("y", "in")), ("Z", 0.3, ("z", "m"))],
+    [("Z", 1.0, ("z", "m")), ("Y", 0.0254, ("y", "in")), ("Z", 0.3, ("z", "0.3"))],
 )
 def test_conventions_of_the_stage_are_kept(
     up: str, metres: float, expected: tuple[str, str], tmp_path: Path
