@@ -10,6 +10,7 @@ splats.npz
 """
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -46,7 +47,7 @@ def load_splats(folder: Path) -> GaussianCloud:
     path = folder / SPLATS_NAME
     if not path.is_file():
         raise FileFormatError(path, "missing: this scene has no Gaussian splats")
-    data = read_arrays(path)
+    data: dict[str, Any] = read_arrays(path)
     try:
         cloud = GaussianCloud(
             position=data["position"],
