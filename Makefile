@@ -88,7 +88,7 @@ evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots 
 
 train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]
 	@$(SETUP) full
-	@$(BIN)/python -m vlnpe.collectors.gait_training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
+	@$(BIN)/python -m vlnpe.collectors.locomotion.training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 
 test:  ## Run the tests but for the slow ones, about 11 minutes on 2 cores (installs torch and lerobot, too)
 	@$(SETUP) full

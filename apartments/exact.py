@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.core.frames import world_to_habitat_position
-from ..formats.fusion.surface import ScanMesh
+from ..geometry.fusion.surface import ScanMesh
 from .config import ApartmentConfig
 from .generate import encode_page, scan_pose, write_labels
 from .glb import GlbNode, write_glb

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..formats.core.frames import world_to_habitat_position
 from ..formats.core.threads import beside
-from ..formats.fusion.surface import ScanMesh, extract
+from ..geometry.fusion.surface import ScanMesh, extract
 from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
 from .home.building import build_scene

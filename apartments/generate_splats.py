@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.core.frames import HABITAT_TO_WORLD, quat_to_matrix
-from ..formats.fusion.surface import ScanMesh
 from ..formats.splats.ply import write_ply_splats
 from ..formats.splats.record import GaussianCloud
+from ..geometry.fusion.surface import ScanMesh
 from .config import ApartmentConfig
 from .generate import scan_pose, write_labels
 from .home.building import build_scene

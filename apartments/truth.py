@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.fusion.surface import ScanMesh
 from ..formats.scene.grid import GridSpec
+from ..geometry.fusion.surface import ScanMesh
 from .home.plan import FloorPlan
 from .home.shell import wall_frame
 

@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vlnpe.collectors.rendering.camera.views import make_view
 from vlnpe.evaluation.baselines import Random
 from vlnpe.evaluation.env import NavigationEnv
 from vlnpe.evaluation.learned import LearnedPolicy
@@ -29,6 +28,7 @@ from vlnpe.learning.config import ModelConfig, TrainConfig
 from vlnpe.learning.models.cma import Cma
 from vlnpe.learning.models.registry import build_model
 from vlnpe.learning.stepper import Choice
+from vlnpe.rendering.camera.views import make_view
 
 ROBOTS = ("aliengo", "h1", "g1", "jetbot")
 STEPS = 30  # actions of each of the first episodes

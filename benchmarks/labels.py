@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 
 from vlnpe.collectors.controllers import Expert, Pose, Task
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import ROBOTS, RobotSpec
-from vlnpe.collectors.world import open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.frames import quat_to_yaw
 from vlnpe.formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action, EndReason, Rollout

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from vlnpe.collectors.drives import gait_for
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.locomotion.runtime.drives import gait_for
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import POLICY_DECIMATION, ROBOTS, TIMESTEP_S, RobotHandles, RobotSpec
-from vlnpe.collectors.world import open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.trajectory_sampler.config import SampleConfig

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
-from vlnpe.collectors.rendering.camera.views import make_view
-from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
-from vlnpe.collectors.rendering.interface import Renderer
-from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.scene.bundle import load_bundle
+from vlnpe.rendering.camera.rollout_frames import RolloutFrames
+from vlnpe.rendering.camera.views import make_view
+from vlnpe.rendering.gl.probe import graphics_card, why_no_gl
+from vlnpe.rendering.interface import Renderer
+from vlnpe.rendering.registry import make_renderer
 
 SIZES = ((224, 224), (256, 256), (640, 480))
 ROLLOUTS = 2

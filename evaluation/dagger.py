@@ -9,8 +9,8 @@ import numpy as np
 
 from ..collectors.controllers import Expert, Pose
 from ..collectors.controllers.interface import Task
-from ..collectors.replay import ReplayConfig, replay_in
-from ..collectors.world import World
+from ..collectors.replay.replay import ReplayConfig, replay_in
+from ..collectors.replay.world import World
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import Action, EndReason, Rollout

@@ -8,15 +8,15 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..collectors.rendering.camera.views import View, make_view
-from ..collectors.rendering.registry import make_renderer, scene_renderer_name
-from ..collectors.replay import ReplayConfig
+from ..collectors.replay.replay import ReplayConfig
+from ..collectors.replay.world import World, open_world
 from ..collectors.robots import get_robot
-from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError, MissingExtraError
 from ..formats.core.rollout import EndReason
 from ..formats.scene.bundle import load_bundle
+from ..rendering.camera.views import View, make_view
+from ..rendering.registry import make_renderer, scene_renderer_name
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from .episode import closed_loop, evaluate_episode
 from .motions import DISCRETE, check_kind, checked_motion, numbers_of

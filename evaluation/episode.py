@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..collectors.controllers import Motion, Pose
-from ..collectors.replay import ReplayConfig, replay_in
-from ..collectors.world import World
+from ..collectors.replay.replay import ReplayConfig, replay_in
+from ..collectors.replay.world import World
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Action, Rollout
 from .motions import DISCRETE, VELOCITY, check_kind, checked_motion, numbers_of

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..collectors.rendering.camera.mounting import body_for
-from ..collectors.rendering.camera.views import View
-from ..collectors.rendering.interface import Renderer
-from ..collectors.world import World
+from ..collectors.replay.world import World
 from ..formats.core.camera import CameraModel
 from ..formats.core.frames import quat_to_matrix, wrap_angle
 from ..formats.core.rollout import Action
+from ..rendering.camera.mounting import body_for
+from ..rendering.camera.views import View
+from ..rendering.interface import Renderer
 from ..wayfinding.planning import floor_z
 
 NO_ACTION = -1  # previous action before the first one

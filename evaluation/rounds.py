@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ..collectors.rendering.camera.views import View
-from ..collectors.rendering.registry import make_renderer, scene_renderer_name
-from ..collectors.replay import ReplayConfig
+from ..collectors.replay.replay import ReplayConfig
+from ..collectors.replay.world import World, open_world
 from ..collectors.robots import get_robot
-from ..collectors.world import World, open_world
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
 from ..formats.scene.bundle import load_bundle
+from ..rendering.camera.views import View
+from ..rendering.registry import make_renderer, scene_renderer_name
 from .episode import closed_loop, evaluate_episode
 from .observation import Eye
 from .policy import Policy

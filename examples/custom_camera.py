@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import matrix_to_quat
 from vlnpe.formats.scene.bundle import load_bundle
+from vlnpe.rendering.registry import make_renderer
 
 
 def main(scene: Path, out: Path, position_world_m: tuple[float, float, float]) -> None:

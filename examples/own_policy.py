@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from vlnpe.collectors.controllers import CONTROLLERS, STOPPED, ControllerEntry, Decision, Pose, Task
-from vlnpe.collectors.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.vlnce.files import read_episodes
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from importlib import import_module
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any, Union
 
@@ -34,7 +35,7 @@ class Verb:
         name: What the user types.
         record: Options class, as `module.Class` of `pipeline.options`.
         function: What takes the options and returns the exit code, as `module.function` of
-            `pipeline.commands`.
+            `pipeline`.
     """
 
     name: str
@@ -43,11 +44,11 @@ class Verb:
 
     def options(self) -> type:
         """Return the options class; its module imports no numerical library."""
-        return _imported("options", self.record)
+        return _imported(f"options.{self.record}")
 
     def run(self) -> Callable[[Any], int]:
         """Import the command and return the function that runs it."""
-        return _imported("commands", self.function)
+        return _imported(self.function)
 
     def summary(self) -> str:
         """Return the first paragraph of the options class's docstring, read from the source."""
@@ -58,37 +59,37 @@ class Verb:
         return " ".join((docstring or "").split("\n\n")[0].split())
 
 
-def _imported(package: str, path: str) -> Any:
+def _imported(path: str) -> Any:
     module, _, name = path.rpartition(".")
-    return getattr(import_module(f".{package}.{module}", __package__), name)
+    return getattr(import_module(f".{module}", __package__), name)
 
 
 # In the chain's order.
 _TABLE = (
-    Verb("collect", "collect.Collect", "collect.run"),
-    Verb("scan", "scenes.Scan", "scenes.run_scan"),
-    Verb("repair", "scenes.Repair", "scenes.run_repair"),
-    Verb("align", "episodes.Align", "episodes.run_align"),
-    Verb("filter", "episodes.Filter", "episodes.run_filter"),
-    Verb("sample", "episodes.Sample", "episodes.run_sample"),
-    Verb("instruct", "instructions.Instruct", "instruct.run"),
-    Verb("review", "instructions.Review", "review.run"),
-    Verb("replay", "rollouts.Replay", "rollouts.run_replay"),
-    Verb("render", "rollouts.Render", "rollouts.run_render"),
-    Verb("export", "rollouts.Export", "rollouts.run_export"),
-    Verb("convert", "convert.Convert", "convert.run_convert"),
-    Verb("restore", "convert.Restore", "convert.run_restore"),
-    Verb("robots", "robots.Robots", "robots.run_robots"),
-    Verb("mix", "training.Mix", "training.mix.run"),
-    Verb("train", "training.Train", "training.train.run"),
-    Verb("ablate", "training.Ablate", "training.ablate.run"),
-    Verb("evaluate", "evaluate.Evaluate", "evaluate.run_evaluate"),
-    Verb("benchmark", "benchmark.Benchmark", "benchmark.run"),
-    Verb("compare", "evaluate.Compare", "evaluate.run_compare"),
-    Verb("push", "results.Push", "push.run_push"),
-    Verb("verify", "results.Verify", "look.run_verify"),
-    Verb("report", "results.Report", "look.run_report"),
-    Verb("doctor", "results.Doctor", "look.run_doctor"),
+    Verb("collect", "collect.Collect", "collect.command.run"),
+    Verb("scan", "scenes.Scan", "commands.scenes.run_scan"),
+    Verb("repair", "scenes.Repair", "commands.scenes.run_repair"),
+    Verb("align", "episodes.Align", "commands.episodes.run_align"),
+    Verb("filter", "episodes.Filter", "commands.episodes.run_filter"),
+    Verb("sample", "episodes.Sample", "commands.episodes.run_sample"),
+    Verb("instruct", "instructions.Instruct", "commands.instruct.run"),
+    Verb("review", "instructions.Review", "commands.review.run"),
+    Verb("replay", "rollouts.Replay", "commands.rollouts.run_replay"),
+    Verb("render", "rollouts.Render", "commands.rollouts.run_render"),
+    Verb("export", "rollouts.Export", "commands.rollouts.run_export"),
+    Verb("convert", "convert.Convert", "commands.convert.run_convert"),
+    Verb("restore", "convert.Restore", "commands.convert.run_restore"),
+    Verb("robots", "robots.Robots", "commands.robots.run_robots"),
+    Verb("mix", "training.Mix", "commands.training.mix.run"),
+    Verb("train", "training.Train", "commands.training.train.run"),
+    Verb("ablate", "training.Ablate", "commands.training.ablate.run"),
+    Verb("evaluate", "evaluate.Evaluate", "commands.evaluate.run_evaluate"),
+    Verb("benchmark", "benchmark.Benchmark", "commands.benchmark.run"),
+    Verb("compare", "evaluate.Compare", "commands.evaluate.run_compare"),
+    Verb("push", "results.Push", "commands.push.run_push"),
+    Verb("verify", "results.Verify", "commands.look.run_verify"),
+    Verb("report", "results.Report", "commands.look.run_report"),
+    Verb("doctor", "results.Doctor", "commands.look.run_doctor"),
 )
 VERBS = {verb.name: verb for verb in _TABLE}
 
@@ -113,6 +114,9 @@ def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
     """
     if arguments and arguments[0] in ("-h", "--help"):
         _overview().print_help()
+        sys.exit(0)
+    if arguments and arguments[0] == "--version":
+        sys.stdout.write(f"vlnpe {version('vlnpe')}\n")
         sys.exit(0)
     if arguments and (verb := VERBS.get(arguments[0])):
         return verb, parsed(verb.name, arguments[1:], verb.options())
@@ -142,7 +146,7 @@ def _overview() -> argparse.ArgumentParser:
     """Return a parser whose help lists the commands."""
     parser = argparse.ArgumentParser(
         "vlnpe",
-        usage="vlnpe [-h] COMMAND …",
+        usage="vlnpe [-h] [--version] COMMAND …",
         description=DESCRIPTION,
         epilog="`vlnpe COMMAND --help` lists a command's options.",
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..collectors.controllers import valid_controllers
-from ..collectors.gait_trials.gates import GateResult, gate_results
-from ..collectors.locomotion.card import PolicyCard
-from ..collectors.locomotion.policy import GaitPolicy
-from ..collectors.rendering.people.portraits import StandingRobot
+from ..collectors.locomotion.runtime.card import PolicyCard
+from ..collectors.locomotion.runtime.policy import GaitPolicy
+from ..collectors.locomotion.trials.gates import GateResult, gate_results
 from ..collectors.robots import TIMESTEP_S, RobotSpec
 from ..formats.core.checkout import program
 from ..formats.core.errors import FileFormatError
+from ..rendering.figures.portraits import StandingRobot
 
 
 @dataclass(frozen=True)

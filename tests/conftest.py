@@ -31,7 +31,7 @@ HIDDEN = {*LIBRARIES.split("|"), "msgpack", "ray", "safetensors", "selenium", "s
 NOT_CORE = re.compile(
     rf"^\s*(?:import|from) (?:{LIBRARIES}"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
-    r"|vlnpe\.collectors\.gait_training\.(?:env|export|mirror|train))\b"
+    r"|vlnpe\.collectors\.locomotion\.training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned|benchmarks\.evidence\.judge",
     re.MULTILINE,
 )

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.fusion.surface import ScanMesh, neighbours, pieces, smooth_normals
+from ...geometry.fusion.surface import ScanMesh, neighbours, pieces, smooth_normals
 
 # A triangle leaning more than 60° against its chart would be stretched to twice its texels.
 _LEAST_FACING = 0.5

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import in_order
-from ...formats.fusion.surface import ScanMesh
+from ...geometry.fusion.surface import ScanMesh
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .appearance import Appearance

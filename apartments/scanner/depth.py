@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.rays.library import lanes
-from ...formats.rays.packets import TILES, tile_order
+from ...geometry.rays.library import lanes
+from ...geometry.rays.packets import TILES, tile_order
 from ..config import ScanConfig
 from .stations import View
 from .tracing import Tracer

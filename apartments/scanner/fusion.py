@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.threads import in_order
-from ...formats.fusion.volume import DistanceVolume
+from ...geometry.fusion.volume import DistanceVolume
 from ..config import ScanConfig
 from ..home.true_scene import TrueScene
 from .depth import DepthCamera, measure, misplaced

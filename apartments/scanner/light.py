@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import beside
-from ...formats.rays.library import call_occluded, lanes
-from ...formats.rays.packets import FAR, VALID, fill_ray, packet
+from ...geometry.rays.library import call_occluded, lanes
+from ...geometry.rays.packets import FAR, VALID, fill_ray, packet
 from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .tracing import Tracer

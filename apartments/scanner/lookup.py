@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from ...formats.fusion.surface import ScanMesh, neighbours, smooth_normals
+from ...geometry.fusion.surface import ScanMesh, neighbours, smooth_normals
 from .tracing import Hits, Tracer
 
 _BEFORE_M, _BEHIND_M = 0.05, 0.08

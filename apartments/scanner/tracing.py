@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.rays.packets import PacketScene
+from ...geometry.rays.packets import PacketScene
 
 
 @dataclass(frozen=True)

@@ -168,8 +168,8 @@ def _robot(name: str) -> Callable[[Path], Target]:
 
 def _onnx(folder: Path) -> Target:
     from tests.security.test_robot_folder import ONES, network, tensor
-    from vlnpe.collectors.locomotion.onnx_file import OnnxFile
-    from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
+    from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
+    from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
 
     path = folder / "policy.onnx"
     seeds = [network(weights=tensor(b"w", (4, 2), ONES))]
@@ -178,7 +178,7 @@ def _onnx(folder: Path) -> Target:
 
 def _card(folder: Path) -> Target:
     from tests.security.test_robot_folder import CARD
-    from vlnpe.collectors.locomotion.card import load_card
+    from vlnpe.collectors.locomotion.runtime.card import load_card
     from vlnpe.collectors.robots import get_robot
 
     robot = get_robot("aliengo")

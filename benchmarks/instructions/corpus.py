@@ -45,7 +45,7 @@ from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.scene.visibility import Visibility
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
-from vlnpe.pipeline.jobs.instructions.visibility import StandingEye, look
+from vlnpe.pipeline.stages.instructions.visibility import StandingEye, look
 
 from .buildings import building
 from .lies import KINDS

@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import RobotSpec, get_robot
-from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle

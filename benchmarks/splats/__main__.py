@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import matrix_to_quat
 from vlnpe.formats.splats.record import GaussianCloud
-from vlnpe.formats.splatting.backend import DETAIL_PX, LEAST_LIGHT
-from vlnpe.formats.splatting.draw import Eye, SplatImage, draw_splats
-from vlnpe.formats.splatting.scene import SplatScene
+from vlnpe.geometry.splatting.backend import DETAIL_PX, LEAST_LIGHT
+from vlnpe.geometry.splatting.draw import Eye, SplatImage, draw_splats
+from vlnpe.geometry.splatting.scene import SplatScene
 
 COUNTS = (100_000, 300_000, 600_000, 1_500_000, 3_000_000, 5_000_000)
 LARGE = (*COUNTS, 10_000_000)

@@ -21,9 +21,9 @@ from vlnpe.formats.core.frames import HABITAT_TO_WORLD, look_at
 from vlnpe.formats.splats.read import read_splats
 from vlnpe.formats.splats.record import GaussianCloud, joined
 from vlnpe.formats.splats.store import load_splats, save_splats
-from vlnpe.formats.splatting.backend import DETAIL_PX, LEAST_LIGHT
-from vlnpe.formats.splatting.draw import Eye, draw_splats
-from vlnpe.formats.splatting.scene import SplatScene
+from vlnpe.geometry.splatting.backend import DETAIL_PX, LEAST_LIGHT
+from vlnpe.geometry.splatting.draw import Eye, draw_splats
+from vlnpe.geometry.splatting.scene import SplatScene
 
 FRAMES, WARM_UP = 12, 1
 EYE_M, GAP_M, COLUMNS = 1.2, 0.3, 4

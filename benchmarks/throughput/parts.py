@@ -16,18 +16,18 @@ import mujoco
 import numpy as np
 
 from benchmarks.throughput.runs import ENVIRONMENT, prepared
-from vlnpe.collectors.drives import gait_for
-from vlnpe.collectors.rendering import embree, scene_tracer
-from vlnpe.collectors.rendering.camera import rollout_views
-from vlnpe.collectors.rendering.camera.extras import Extras
-from vlnpe.collectors.rendering.camera.views import VIEWS, View
-from vlnpe.collectors.rendering.scene.robot_trace import RobotTracer
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.locomotion.runtime.drives import gait_for
+from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.video import mp4
 from vlnpe.pipeline.jobs import export, mcap, render, replay
-from vlnpe.pipeline.jobs.handover import DepthKeeper
+from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
+from vlnpe.rendering import embree, scene_tracer
+from vlnpe.rendering.camera import rollout_views
+from vlnpe.rendering.camera.extras import Extras
+from vlnpe.rendering.camera.views import VIEWS, View
+from vlnpe.rendering.scene.robot_trace import RobotTracer
 
 WARM, TIMED = 1, 3  # episodes
 FRAMES_PER_SECOND = 4

@@ -26,9 +26,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from benchmarks.writing.write import add_episode, assemble, features
-from vlnpe.collectors.rendering.camera.extras import Extras
-from vlnpe.collectors.rendering.camera.views import VIEWS, View
-from vlnpe.collectors.rendering.gl.probe import graphics_card, why_no_gl
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.frames import OPTICAL_TO_OPENGL, matrix_to_quat, quat_to_matrix
 from vlnpe.formats.core.rollout import Rollout
@@ -40,8 +37,11 @@ from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.engine.executors.attempts import attempt_chain
 from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.jobs.export import UnitJob
-from vlnpe.pipeline.jobs.render import RenderJob
+from vlnpe.pipeline.stages.datasets.export_job import UnitJob
+from vlnpe.pipeline.stages.rollouts.render_job import RenderJob
+from vlnpe.rendering.camera.extras import Extras
+from vlnpe.rendering.camera.views import VIEWS, View
+from vlnpe.rendering.gl.probe import graphics_card, why_no_gl
 
 ROOT = Path(__file__).resolve().parents[2]
 REPEATS = 2  # each episode is made so often by us, so that the workers' ends weigh less

@@ -1,5 +1,1 @@
-"""Learned locomotion: policies that track velocity commands, their training and evaluation."""
-
-from .policy import GaitPolicy, PolicyMismatchError
-
-__all__ = ["GaitPolicy", "PolicyMismatchError"]
+"""Gaits: at run time, their training and their trials."""

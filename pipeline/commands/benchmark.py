@@ -19,6 +19,7 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
+from ..collect import command as collect
 from ..engine.context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
@@ -27,7 +28,6 @@ from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
 from ..provenance import versions
-from . import collect
 from .evaluate import run_evaluate
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"

@@ -7,7 +7,8 @@ from ...formats.internnav.foreign import Assumptions
 from ...formats.video.mp4 import check_rgb_codec
 from ..engine.context import open_context
 from ..options.convert import Convert, Restore
-from ..stages import convert, convert_source
+from ..stages.convert import items as convert
+from ..stages.convert import source as convert_source
 from ..summary import joined, print_result, stage_table
 
 

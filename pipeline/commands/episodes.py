@@ -23,7 +23,9 @@ from ..engine.work import digest
 from ..inputs.folders import scenes_in, scenes_root
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
-from ..stages import align, episodes, repair
+from ..stages.episodes import align_items as align
+from ..stages.episodes import sample_items as episodes
+from ..stages.scenes import items as repair
 from ..summary import print_result
 
 if TYPE_CHECKING:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import controller_for
-from ...collectors.rendering.camera.views import CameraOverrides, View
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
 from ...evaluation.policy import ModelUse
@@ -35,16 +34,22 @@ from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...learning.card import Card, read_card
+from ...rendering.camera.views import CameraOverrides, View
 from ..engine.context import open_context
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
 from ..engine.work import digest
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_all
-from ..inputs.episodes import asked_episodes
+from ..inputs.episode_file import asked_episodes
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
-from ..stages import evaluate, export, policy_report, render, repair, replay
+from ..stages.datasets import export_items as export
+from ..stages.evaluation import items as evaluate
+from ..stages.evaluation import report_items as policy_report
+from ..stages.rollouts import render_items as render
+from ..stages.rollouts import replay_items as replay
+from ..stages.scenes import items as repair
 
 log = logging.getLogger(__name__)
 

@@ -18,11 +18,13 @@ from ..engine.ledger import Row
 from ..engine.run_folder import SightFiles
 from ..engine.runner import run_stage
 from ..engine.work import digest
-from ..inputs.episodes import episode_files, scenes_of
-from ..jobs.instructions.instruct import CACHE, InstructJob, read_sights
+from ..inputs.episode_file import episode_files, scenes_of
 from ..options.instructions import Instruct
 from ..options.shared import Wording
-from ..stages import instruct, repair, sight
+from ..stages.instructions import instruct_items as instruct
+from ..stages.instructions import sight_items as sight
+from ..stages.instructions.instruct_job import CACHE, InstructJob, read_sights
+from ..stages.scenes import items as repair
 from ..summary import print_result
 
 # In the ledger's folder.

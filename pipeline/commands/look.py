@@ -11,7 +11,7 @@ from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context
 from ..options.results import Doctor, Report, Verify
-from ..stages import report
+from ..report import items as report
 from ..store.address import store_url
 from ..store.mirror import local_copy
 from ..summary import print_result

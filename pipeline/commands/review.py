@@ -10,10 +10,10 @@ from ...instruction_gen.facts.named import read_named
 from ...instruction_gen.review.server import Review, make_server
 from ..engine.context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
-from ..inputs.episodes import scenes_of
-from ..jobs.instructions.instruct import read_sights
-from ..jobs.reviewed import REVIEW_NAME
+from ..inputs.episode_file import scenes_of
 from ..options.instructions import Review as ReviewOptions
+from ..stages.instructions.instruct_job import read_sights
+from ..stages.instructions.reviewed import REVIEW_NAME
 
 
 def run(options: ReviewOptions) -> int:

@@ -60,10 +60,10 @@ def _list(options: Robots, done: _Done) -> None:
 
 
 def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
-    from ...collectors.rendering.people.pictures import Picture, save_picture
-    from ...collectors.rendering.people.portraits import turntable, walking_strip
-    from ...collectors.rendering.people.studio import make_studio
-    from ...collectors.stroll import stroll
+    from ...rendering.figures.pictures import Picture, save_picture
+    from ...rendering.figures.portraits import turntable, walking_strip
+    from ...rendering.figures.stroll import stroll
+    from ...rendering.figures.studio import make_studio
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file; --out must be a folder")
@@ -88,7 +88,7 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
 
 
 def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
-    from ...collectors.locomotion.policy import policy_files
+    from ...collectors.locomotion.runtime.policy import policy_files
 
     if out is None:
         raise InputError("--export requires --out, a folder whose name becomes the robot's name")

@@ -2,21 +2,24 @@
 
 from collections.abc import Sequence
 
-from ...collectors.rendering.camera.extras import Extras
-from ...collectors.rendering.camera.views import CameraOverrides
-from ...collectors.rendering.registry import chosen_renderer
 from ...formats.core.errors import FileFormatError, check_name
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.groups import group_by_path
+from ...rendering.camera.extras import Extras
+from ...rendering.camera.views import CameraOverrides
+from ...rendering.registry import chosen_renderer
 from ..engine.context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
-from ..inputs.episodes import asked_episodes, scenes_of
+from ..inputs.episode_file import asked_episodes, scenes_of
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
-from ..stages import export, render, repair, replay
+from ..stages.datasets import export_items as export
+from ..stages.rollouts import render_items as render
+from ..stages.rollouts import replay_items as replay
+from ..stages.scenes import items as repair
 from ..summary import joined, print_result, robot_table, stage_table
 
 FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second

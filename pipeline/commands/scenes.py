@@ -6,7 +6,7 @@ from ..engine.context import run_single
 from ..inputs.builtin import BuiltIn, check_kind
 from ..inputs.folders import refuse_to_replace
 from ..options.scenes import Repair, Scan
-from ..stages import repair
+from ..stages.scenes import items as repair
 from ..summary import print_result
 
 SCAN_NAMES = frozenset({"scan.glb", "scan.ply", "scan.labels.json", "truth.npz", "LICENSE.scan"})

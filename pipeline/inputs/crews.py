@@ -27,7 +27,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
         InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
     """
     # Late, because policies are run by a library that takes its time to load.
-    from ...collectors.drives import gait_for
+    from ...collectors.locomotion.runtime.drives import gait_for
 
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
     robots = [get_robot(name) for name in _names("--robot", text, bodies)]

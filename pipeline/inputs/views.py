@@ -1,11 +1,11 @@
 """Views that a user names on the command line."""
 
-from ...collectors.rendering.camera.views import CameraOverrides, View, parse_views
-from ...collectors.rendering.light.lights import LIGHTS
-from ...collectors.rendering.registry import AUTO, chosen_renderer
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError, UnknownNameError
 from ...formats.core.rollout import STATE_RATE_HZ
+from ...rendering.camera.views import CameraOverrides, View, parse_views
+from ...rendering.light.lights import LIGHTS
+from ...rendering.registry import AUTO, chosen_renderer
 
 ALL = "all"
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.frames import look_at
-from ...formats.fusion.volume import DistanceVolume
 from ...formats.splats.record import GaussianCloud
+from ...geometry.fusion.volume import DistanceVolume
 from .solid import Solid
 
 # Gaussians fainter than this make no surface worth a camera.

@@ -13,12 +13,12 @@ from scipy.spatial import KDTree
 
 from ...formats.core.camera import CameraModel
 from ...formats.core.errors import SceneError
-from ...formats.fusion.surface import ScanMesh, extract
-from ...formats.fusion.volume import DistanceVolume
 from ...formats.splats.harmonics import C0
 from ...formats.splats.record import GaussianCloud
-from ...formats.splatting.draw import Eye, SplatImage, draw_splats
-from ...formats.splatting.scene import SplatScene
+from ...geometry.fusion.surface import ScanMesh, extract
+from ...geometry.fusion.volume import DistanceVolume
+from ...geometry.splatting.draw import Eye, SplatImage, draw_splats
+from ...geometry.splatting.scene import SplatScene
 from ..grid.morphology import label
 from .closer import closer_views
 from .solid import Solid

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.rays.packets import PacketScene
 from ...formats.scene.grid import GridSpec
+from ...geometry.rays.packets import PacketScene
 from .exported import Surface
 
 PROBE_M = 0.02

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.rays.packets import PacketScene
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
+from ...geometry.rays.packets import PacketScene
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler

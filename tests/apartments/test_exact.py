@@ -9,8 +9,8 @@ import trimesh
 
 from tests.support.scenes.homes import exact_freemap
 from vlnpe.apartments import build_scene, building_config, generate_exact
-from vlnpe.collectors.rendering.scene.arrays import scene_arrays
-from vlnpe.collectors.rendering.scene.textures import load_materials
+from vlnpe.rendering.scene.arrays import scene_arrays
+from vlnpe.rendering.scene.textures import load_materials
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 

@@ -17,8 +17,8 @@ from vlnpe.formats.core.frames import HABITAT_TO_WORLD
 from vlnpe.formats.splats.kind import splat_kind
 from vlnpe.formats.splats.read import read_splats
 from vlnpe.formats.splats.record import GaussianCloud
-from vlnpe.formats.splatting.draw import Eye, draw_splats
-from vlnpe.formats.splatting.scene import SplatScene
+from vlnpe.geometry.splatting.draw import Eye, draw_splats
+from vlnpe.geometry.splatting.scene import SplatScene
 
 pytestmark = pytest.mark.chain
 

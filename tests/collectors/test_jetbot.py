@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.collectors.test_replay import make_episode
-from vlnpe.collectors.drives import DifferentialDrive, gait_for
-from vlnpe.collectors.gait_trials.terrain import noise_terrain
-from vlnpe.collectors.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.locomotion.runtime.drives import DifferentialDrive, gait_for
+from vlnpe.collectors.locomotion.trials.terrain import noise_terrain
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import RobotHandles, RobotSpec, apply_physics_options, get_robot
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.formats.core.rollout import EndReason

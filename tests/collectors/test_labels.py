@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from vlnpe.collectors.coasting import measure_coasting
 from vlnpe.collectors.controllers import Expert, Pose, Task
-from vlnpe.collectors.drives import gait_for
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.locomotion.runtime.coasting import measure_coasting
+from vlnpe.collectors.locomotion.runtime.drives import gait_for
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.frames import quat_to_yaw
 from vlnpe.formats.core.rollout import (

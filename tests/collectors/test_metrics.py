@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from vlnpe.collectors.metrics import dtw, ndtw, rollout_metrics
+from vlnpe.collectors.replay.metrics import dtw, ndtw, rollout_metrics
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.geometry import path_length, space_evenly
 from vlnpe.formats.core.rollout import EndReason

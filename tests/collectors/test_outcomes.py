@@ -16,8 +16,8 @@ from scipy.spatial.distance import cdist
 
 from tests.collectors.test_replay import make_episode
 from tests.support.scenes.rooms import write_two_rooms
-from vlnpe.collectors.outcome import OutcomeConfig
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.physics.outcome import OutcomeConfig
+from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.formats.core.geometry import resample
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.pipeline.cli import main
@@ -26,11 +26,11 @@ from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.jobs.replay import ReplayJob
 from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.report.failures import failure_figures
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import replay, report
+from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob
 
 DATASET = "aliengo-path-ego-64x48-90deg-baked"
 OUTCOMES = {

@@ -20,8 +20,8 @@ from vlnpe.collectors.physics import (
     robot_obstacles,
 )
 from vlnpe.collectors.physics.model_cache import model_bytes
+from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import ROBOTS, RobotSpec
-from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.scene.bundle import Floor, Obstacles, SceneBundle, load_bundle, save_bundle
 
 ROBOT_CASES = [make_cart(), *ROBOTS.values()]

@@ -12,11 +12,11 @@ import pytest
 from tests.support.cart import CartGait, make_cart
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.controllers import FlashConfig, SpeedConfig
-from vlnpe.collectors.outcome import OutcomeConfig
 from vlnpe.collectors.physics import ObstacleGate
-from vlnpe.collectors.replay import ReplayConfig, replay_episode, replay_in
+from vlnpe.collectors.physics.outcome import OutcomeConfig
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode, replay_in
+from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import World, open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import UnknownNameError
 from vlnpe.formats.core.rollout import Action, EndReason, Rollout

@@ -13,9 +13,8 @@ import trimesh
 from tests.collectors.test_replay import make_episode, same
 from tests.support.robot_folders import XML, edit, exported, written_rover
 from tests.support.scenes.rooms import write_two_rooms
-from vlnpe.collectors.locomotion.policy import policy_files
-from vlnpe.collectors.rendering.scene.robot_body import RobotBody
-from vlnpe.collectors.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.locomotion.runtime.policy import policy_files
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import ROBOTS, RobotHandles, RobotSpec, get_robot
 from vlnpe.collectors.robots.folder.export import export_robot
 from vlnpe.formats.core.rollout import EndReason
@@ -26,6 +25,7 @@ from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.stages import replay
+from vlnpe.rendering.scene.robot_body import RobotBody
 
 pytestmark = pytest.mark.chain
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.robot_folders import TOML, XML, edit, exported, written_rover
-from vlnpe.collectors.drives import gait_for
-from vlnpe.collectors.locomotion.policy import PolicyMismatchError, policy_files
+from vlnpe.collectors.locomotion.runtime.drives import gait_for
+from vlnpe.collectors.locomotion.runtime.policy import PolicyMismatchError, policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.pipeline.cli import main

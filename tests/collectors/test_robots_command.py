@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from vlnpe.collectors.gait_trials.gates import GATES
-from vlnpe.collectors.locomotion.policy import GaitPolicy
-from vlnpe.collectors.rendering.people.portraits import StandingRobot, turntable, walking_strip
-from vlnpe.collectors.rendering.people.studio import make_studio
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.trials.gates import GATES
 from vlnpe.collectors.robots import ROBOTS, get_robot
-from vlnpe.collectors.stroll import stroll
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline import robot_sheet
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.robot_sheet import details, sheet_of, table
+from vlnpe.rendering.figures.portraits import StandingRobot, turntable, walking_strip
+from vlnpe.rendering.figures.stroll import stroll
+from vlnpe.rendering.figures.studio import make_studio
 
 pytestmark = pytest.mark.chain
 

@@ -8,16 +8,16 @@ import pytest
 
 from tests.collectors.test_replay import make_episode, with_box
 from vlnpe.collectors.controllers import valid_controllers
-from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
-from vlnpe.collectors.rendering.camera.views import make_view
-from vlnpe.collectors.rendering.embree import SceneRenderer
-from vlnpe.collectors.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import RobotHandles, get_robot
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import EndReason, Rollout
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.pipeline.inputs.crews import chosen_robots, crews
+from vlnpe.rendering.camera.rollout_frames import RolloutFrames
+from vlnpe.rendering.camera.views import make_view
+from vlnpe.rendering.embree import SceneRenderer
 
 pytestmark = pytest.mark.chain
 

@@ -20,8 +20,8 @@ from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, StageSummary, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.jobs.export import UnitJob
 from vlnpe.pipeline.options.running import Running
+from vlnpe.pipeline.stages.datasets.export_job import UnitJob
 from vlnpe.pipeline.verify.integrity import check_files
 
 pytestmark = pytest.mark.chain

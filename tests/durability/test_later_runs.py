@@ -11,13 +11,13 @@ import pytest
 
 from tests.support.runs import tiny_run
 from vlnpe.collectors.controllers import SpeedConfig
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.pipeline.engine.ledger import Ledger, Row
-from vlnpe.pipeline.jobs.replay import actions
 from vlnpe.pipeline.report.gather import driven, robot_rows
-from vlnpe.pipeline.stages.replay import item_names, label_of
+from vlnpe.pipeline.stages.rollouts.replay_items import item_names, label_of
+from vlnpe.pipeline.stages.rollouts.replay_job import actions
 
 pytestmark = pytest.mark.chain
 

@@ -12,12 +12,9 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
-from vlnpe.collectors.rendering.camera.rollout_frames import RolloutFrames
-from vlnpe.collectors.rendering.camera.views import make_view
-from vlnpe.collectors.rendering.registry import make_renderer
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import open_world
 from vlnpe.evaluation.baselines import Forward, Random, Stop
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
@@ -28,7 +25,10 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.pipeline.inputs.crews import action_timing
-from vlnpe.pipeline.stages import replay
+from vlnpe.pipeline.stages.rollouts import replay_items
+from vlnpe.rendering.camera.rollout_frames import RolloutFrames
+from vlnpe.rendering.camera.views import make_view
+from vlnpe.rendering.registry import make_renderer
 
 
 @pytest.fixture(scope="module")
@@ -143,7 +143,7 @@ class LookAround:
 def test_stuck_is_judged_over_fifty_actions_under_every_timing(two_rooms, episodes, timing) -> None:
     # On wheels: a gait's drift in heading can add up to 15° in fifty actions.
     world = open_world(two_rooms, 0, get_robot("jetbot"))
-    config = closed_loop(replay.config("jetbot", "speed", 0, action_timing(*timing)))
+    config = closed_loop(replay_items.config("jetbot", "speed", 0, action_timing(*timing)))
     rollout = evaluate_episode(world, episodes[1], config, LookAround(), None)
     assert rollout.end_reason is EndReason.STUCK
     assert 50 <= len(rollout.actions) <= 54

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from vlnpe.collectors.rendering.camera.views import make_view
-from vlnpe.collectors.rendering.registry import make_renderer
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.replay.replay import ReplayConfig
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import open_world
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.map_policy.inference import goals_of
 from vlnpe.evaluation.map_policy.picture import draw_map
@@ -21,6 +19,8 @@ from vlnpe.evaluation.observation import Eye
 from vlnpe.evaluation.policy import Assignment, PolicyError
 from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.rendering.camera.views import make_view
+from vlnpe.rendering.registry import make_renderer
 
 START = (2.6, 2.0)  # in the kitchen, looking through the doorway
 TEXT = "Go through the doorway into the living room and stop near the sofa."

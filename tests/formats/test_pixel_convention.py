@@ -17,10 +17,6 @@ from numpy.typing import NDArray
 from tests.formats.mcap.test_episode import decode, rotation
 from tests.support.scenes.render_scenes import facing
 from tests.support.walks import glide
-from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
-from vlnpe.collectors.rendering.camera.views import make_view
-from vlnpe.collectors.rendering.gl.probe import why_no_gl
-from vlnpe.collectors.rendering.registry import make_renderer
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import quat_to_matrix, yaw_to_quat
 from vlnpe.formats.core.rollout import Rollout
@@ -31,6 +27,10 @@ from vlnpe.formats.mcap.episode import write_episode_mcap
 from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.vocabulary import Vocabulary
+from vlnpe.rendering.camera.rollout_views import render_rollout
+from vlnpe.rendering.camera.views import make_view
+from vlnpe.rendering.gl.probe import why_no_gl
+from vlnpe.rendering.registry import make_renderer
 
 FRAME = 3
 Points = NDArray[np.float64]

@@ -265,7 +265,7 @@ def test_the_page_in_a_browser(review, browser, tmp_path):
 
 
 def test_a_decision_exports_only_its_own_path_again(review, tmp_path):
-    from vlnpe.pipeline.stages.export import review_digests
+    from vlnpe.pipeline.stages.datasets.export_items import review_digests
 
     (tmp_path / "episodes").mkdir()
     write_episodes(tmp_path / "episodes" / "train.json.gz", list(review.paths.values()))

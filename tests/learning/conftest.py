@@ -9,10 +9,10 @@ import torch
 
 from tests.collectors.test_replay import make_episode
 from tests.support.walked_data import write_walks
-from vlnpe.collectors.rendering.camera.views import View, make_view
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.rendering.camera.views import View, make_view
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,9 @@ import pytest
 import torch
 
 from tests.learning.conftest import Walks
-from vlnpe.collectors.rendering.registry import make_renderer
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.replay.replay import ReplayConfig
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import open_world
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
@@ -26,6 +25,7 @@ from vlnpe.learning.models.rdp import FUTURE, future_motions
 from vlnpe.learning.models.registry import build_model
 from vlnpe.learning.stepper import Choice, Sight, Stepper, discrete_plan
 from vlnpe.learning.training.session import Request, train_recipe
+from vlnpe.rendering.registry import make_renderer
 
 SMALL = {"channels": [8, 16], "hidden": 48, "words": 16, "dropout": 0.0, "layers": 1}
 RECIPE: dict[str, Any] = {

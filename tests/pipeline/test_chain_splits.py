@@ -8,19 +8,19 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.support.runs.work import InlineWorkers
-from vlnpe.collectors.rendering.camera.extras import Extras
-from vlnpe.collectors.rendering.camera.views import CameraOverrides
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.records import InstructConfig
-from vlnpe.pipeline.chain import episodes, rollouts
-from vlnpe.pipeline.chain.run import Run
+from vlnpe.pipeline.collect import episodes, rollouts
+from vlnpe.pipeline.collect.run import Run
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import Context
 from vlnpe.pipeline.inputs.views import chosen_views
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages import repair
+from vlnpe.rendering.camera.extras import Extras
+from vlnpe.rendering.camera.views import CameraOverrides
 from vlnpe.trajectory_sampler.align_config import AlignConfig
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.stairs import StairRules

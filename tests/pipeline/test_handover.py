@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vlnpe.collectors.rendering.camera.extras import Extras
-from vlnpe.collectors.rendering.camera.views import View
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.jobs import handover
-from vlnpe.pipeline.jobs.handover import DepthKeeper
-from vlnpe.pipeline.jobs.mcap import McapJob
-from vlnpe.pipeline.jobs.render import RenderJob
-from vlnpe.pipeline.stages.together import sharing
+from vlnpe.pipeline.stages.datasets.mcap_job import McapJob
+from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
+from vlnpe.pipeline.stages.rollouts.render_job import RenderJob
+from vlnpe.pipeline.stages.rollouts.together import sharing
+from vlnpe.rendering.camera.extras import Extras
+from vlnpe.rendering.camera.views import View
 
 
 def kept_while_writing(video: Path, seed: int, frames: int = 5) -> DepthKeeper:

@@ -5,7 +5,7 @@ import pytest
 
 from tests.support.scenes import scans
 from vlnpe.collectors.physics import free_height
-from vlnpe.collectors.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.rollout import EndReason

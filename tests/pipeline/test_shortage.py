@@ -4,7 +4,7 @@ import pytest
 
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine.ledger import Row
-from vlnpe.pipeline.stages.episodes import check_complete
+from vlnpe.pipeline.stages.episodes.sample_items import check_complete
 
 PLAN = {"a": {"train": 4, "val_seen": 1}, "b": {"val_unseen": 5}}
 FULL = Row("sample", "a", "k", "done", facts={"missing": {}, "episodes": 5, "gap_m": 1.5})

@@ -19,9 +19,9 @@ from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.jobs.scenes.outputs import facts_of
-from vlnpe.pipeline.jobs.scenes.soundness import SoundnessJob
 from vlnpe.pipeline.stages import repair
+from vlnpe.pipeline.stages.scenes.outputs import facts_of
+from vlnpe.pipeline.stages.scenes.soundness import SoundnessJob
 from vlnpe.scene_repair.verify.verdict import judge_level
 from vlnpe.scene_repair.write import scene as output
 

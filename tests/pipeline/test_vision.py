@@ -16,8 +16,8 @@ from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.facts.named import read_named
 from vlnpe.pipeline.commands.review import opened
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.jobs.instructions.instruct import read_facts
 from vlnpe.pipeline.options.instructions import Review
+from vlnpe.pipeline.stages.instructions.instruct_job import read_facts
 
 pytestmark = [pytest.mark.slow, pytest.mark.chain]
 

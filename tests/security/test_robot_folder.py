@@ -13,10 +13,10 @@ import trimesh
 
 from tests.security.hostile import not_files, put, refusal
 from tests.support.robot_folders import edit, written_rover
-from vlnpe.collectors.locomotion.card import load_card
-from vlnpe.collectors.locomotion.onnx_file import OnnxFile
-from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
-from vlnpe.collectors.locomotion.policy import policy_files
+from vlnpe.collectors.locomotion.runtime.card import load_card
+from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
+from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
+from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.pipeline.inputs.crews import keep

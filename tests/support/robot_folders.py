@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from vlnpe.collectors.locomotion.policy import policy_files
+from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.robots.folder.export import export_robot
 

@@ -3,17 +3,17 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from vlnpe.collectors.rendering.camera.rollout_views import render_rollout
-from vlnpe.collectors.rendering.camera.views import View
-from vlnpe.collectors.rendering.registry import make_renderer
-from vlnpe.collectors.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.collectors.world import open_world
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import assemble_dataset, write_episode_unit
 from vlnpe.formats.rendered.folder import read_frame_folder
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.rendering.camera.rollout_views import render_rollout
+from vlnpe.rendering.camera.views import View
+from vlnpe.rendering.registry import make_renderer
 
 
 def write_walks(

@@ -20,7 +20,7 @@ from ....learning.training.session import Planned
 from ....trajectory_sampler.config import SampleConfig
 from ....trajectory_sampler.sampling import sample_episodes
 from ...inputs.crews import chosen_robots
-from ...inputs.episodes import asked_episodes
+from ...inputs.episode_file import asked_episodes
 from ...options.training import Train
 
 logger = logging.getLogger(__name__)

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from ....collectors.controllers import controller_for
-from ....collectors.rendering.camera.views import CameraOverrides
-from ....collectors.replay import ReplayConfig
-from ....collectors.world import World
+from ....collectors.replay.replay import ReplayConfig
+from ....collectors.replay.world import World
 from ....evaluation.dagger import corrected_walk, expert_walk
 from ....evaluation.episode import closed_loop
 from ....evaluation.learned import LearnedPolicy
@@ -26,8 +25,9 @@ from ....learning.models.registry import Model
 from ....learning.training.corrections import Correction, write_correction
 from ....learning.training.curves import Validation
 from ....learning.training.session import Planned, Request, Result, train_recipe
+from ....rendering.camera.views import CameraOverrides
 from ...inputs.crews import chosen_robots
-from ...inputs.episodes import asked_episodes
+from ...inputs.episode_file import asked_episodes
 from ...inputs.views import chosen_views
 from ...options.training import Train
 from .augment import MADE_BY, check_made_by, more_episodes, walker

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_trials.aim import aimed, command_bounds
-from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
-from vlnpe.collectors.locomotion.policy import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.trials.aim import aimed, command_bounds
+from vlnpe.collectors.locomotion.trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.robots import get_robot
 
 pytestmark = pytest.mark.chain

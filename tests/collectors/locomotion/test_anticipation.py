@@ -9,16 +9,16 @@ import pytest
 
 pytest.importorskip("torch", reason="extra `train` is not installed")
 
-from vlnpe.collectors.gait_training import anticipate
-from vlnpe.collectors.gait_training.correction import HIDDEN, PAST, Correction, beside
-from vlnpe.collectors.gait_training.export import layers_of, to_onnx
-from vlnpe.collectors.gait_training.mirror import Symmetry
-from vlnpe.collectors.gait_trials.trial import Conditions, Trial
-from vlnpe.collectors.locomotion import GaitPolicy
-from vlnpe.collectors.locomotion.card import save_card
-from vlnpe.collectors.locomotion.network import Layer, Mlp
-from vlnpe.collectors.locomotion.observation import layout, past_steps, remember
-from vlnpe.collectors.locomotion.policy import policy_files
+from vlnpe.collectors.locomotion.runtime import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.card import save_card
+from vlnpe.collectors.locomotion.runtime.network import Layer, Mlp
+from vlnpe.collectors.locomotion.runtime.observation import layout, past_steps, remember
+from vlnpe.collectors.locomotion.runtime.policy import policy_files
+from vlnpe.collectors.locomotion.training import anticipate
+from vlnpe.collectors.locomotion.training.correction import HIDDEN, PAST, Correction, beside
+from vlnpe.collectors.locomotion.training.export import layers_of, to_onnx
+from vlnpe.collectors.locomotion.training.mirror import Symmetry
+from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial
 from vlnpe.collectors.robots import get_robot
 
 ROBOT = get_robot("aliengo")

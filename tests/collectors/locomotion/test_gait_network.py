@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.locomotion.network import Network
-from vlnpe.collectors.locomotion.onnx_file import OnnxFile
-from vlnpe.collectors.locomotion.onnx_mlp import NotAnMlpError, read_mlp
-from vlnpe.collectors.locomotion.onnx_runtime import RuntimeNetwork, load_network
-from vlnpe.collectors.locomotion.policy import GaitPolicy, policy_files
+from vlnpe.collectors.locomotion.runtime.network import Network
+from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
+from vlnpe.collectors.locomotion.runtime.onnx_mlp import NotAnMlpError, read_mlp
+from vlnpe.collectors.locomotion.runtime.onnx_runtime import RuntimeNetwork, load_network
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy, policy_files
+from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError, MissingExtraError
 
@@ -283,7 +283,7 @@ def test_noise_is_no_network(content: bytes):
 def test_walking_imports_no_onnxruntime():
     script = (
         "import sys, mujoco\n"
-        "from vlnpe.collectors.locomotion.policy import GaitPolicy\n"
+        "from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy\n"
         "from vlnpe.collectors.robots import get_robot\n"
         "robot = get_robot('h1')\n"
         "GaitPolicy.load(robot).act(mujoco.MjData(robot.build_model()), (0.5, 0.0, 0.0))\n"

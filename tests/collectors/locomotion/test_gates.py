@@ -8,22 +8,28 @@ import numpy as np
 import pytest
 
 from vlnpe.collectors.controllers import SpeedConfig
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_trials import evaluate
-from vlnpe.collectors.gait_trials.driven import (
+from vlnpe.collectors.locomotion.runtime.card import POLICY_FOLDER
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.training.gaits import GAITS
+from vlnpe.collectors.locomotion.trials import evaluate
+from vlnpe.collectors.locomotion.trials.driven import (
     StartedAction,
     action_errors,
     displacements,
     follow_paths,
     random_path,
 )
-from vlnpe.collectors.gait_trials.evaluate import evaluation_table, report
-from vlnpe.collectors.gait_trials.gates import CLOSED_LOOP, GATES, Gate, GateResult, gate_results
-from vlnpe.collectors.gait_trials.measures import WATCH_S, command_grid, velocity_errors
-from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain
-from vlnpe.collectors.gait_trials.trial import STEP_S, Conditions, Trial
-from vlnpe.collectors.locomotion.card import POLICY_FOLDER
-from vlnpe.collectors.locomotion.policy import GaitPolicy
+from vlnpe.collectors.locomotion.trials.evaluate import evaluation_table, report
+from vlnpe.collectors.locomotion.trials.gates import (
+    CLOSED_LOOP,
+    GATES,
+    Gate,
+    GateResult,
+    gate_results,
+)
+from vlnpe.collectors.locomotion.trials.measures import WATCH_S, command_grid, velocity_errors
+from vlnpe.collectors.locomotion.trials.terrain import Terrain, noise_terrain
+from vlnpe.collectors.locomotion.trials.trial import STEP_S, Conditions, Trial
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.geometry import distances_to_path
 from vlnpe.formats.core.rollout import Action

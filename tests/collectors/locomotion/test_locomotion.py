@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_robots import in_larger_scene
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_trials.evaluate import (
+from vlnpe.collectors.locomotion.runtime import GaitPolicy, PolicyMismatchError
+from vlnpe.collectors.locomotion.runtime.card import POLICY_FOLDER
+from vlnpe.collectors.locomotion.runtime.gait import ClockState
+from vlnpe.collectors.locomotion.runtime.observation import layout, observe, states_of
+from vlnpe.collectors.locomotion.training.gaits import GAITS
+from vlnpe.collectors.locomotion.trials.evaluate import (
     command_grid,
     follow_paths,
     pushes,
     standing,
     velocity_errors,
 )
-from vlnpe.collectors.gait_trials.terrain import noise_terrain
-from vlnpe.collectors.gait_trials.trial import Conditions
-from vlnpe.collectors.locomotion import GaitPolicy, PolicyMismatchError
-from vlnpe.collectors.locomotion.card import POLICY_FOLDER
-from vlnpe.collectors.locomotion.gait import ClockState
-from vlnpe.collectors.locomotion.observation import layout, observe, states_of
+from vlnpe.collectors.locomotion.trials.terrain import noise_terrain
+from vlnpe.collectors.locomotion.trials.trial import Conditions
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
 from vlnpe.formats.core.errors import FileFormatError
 

@@ -15,25 +15,25 @@ import torch
 from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
-from vlnpe.collectors.gait_training import export, train
-from vlnpe.collectors.gait_training.blend import blended
-from vlnpe.collectors.gait_training.config import PHASES, TrainingConfig, refinement_config
-from vlnpe.collectors.gait_training.env import GaitEnv
-from vlnpe.collectors.gait_training.export import actor_to_onnx
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.gait_training.mirror import (
+from vlnpe.collectors.locomotion.runtime import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.observation import layout
+from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
+from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
+from vlnpe.collectors.locomotion.training import export, train
+from vlnpe.collectors.locomotion.training.blend import blended
+from vlnpe.collectors.locomotion.training.config import PHASES, TrainingConfig, refinement_config
+from vlnpe.collectors.locomotion.training.env import GaitEnv
+from vlnpe.collectors.locomotion.training.export import actor_to_onnx
+from vlnpe.collectors.locomotion.training.gaits import GAITS
+from vlnpe.collectors.locomotion.training.mirror import (
     Symmetry,
     mirror_joints,
     mirror_observation,
     mirrored,
 )
-from vlnpe.collectors.gait_training.randomize import sample_commands
-from vlnpe.collectors.gait_trials.aim import command_bounds
-from vlnpe.collectors.gait_trials.terrain import Terrain, noise_terrain, rough_terrain
-from vlnpe.collectors.locomotion import GaitPolicy
-from vlnpe.collectors.locomotion.observation import layout
-from vlnpe.collectors.locomotion.onnx_file import OnnxFile
-from vlnpe.collectors.locomotion.onnx_mlp import read_mlp
+from vlnpe.collectors.locomotion.training.randomize import sample_commands
+from vlnpe.collectors.locomotion.trials.aim import command_bounds
+from vlnpe.collectors.locomotion.trials.terrain import Terrain, noise_terrain, rough_terrain
 from vlnpe.collectors.robots import RobotSpec, get_robot
 
 

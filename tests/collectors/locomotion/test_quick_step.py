@@ -6,11 +6,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_training.gaits import GAITS
-from vlnpe.collectors.locomotion.gait import FACTORS, ClockState, GaitClock, joint_targets
-from vlnpe.collectors.locomotion.observation import observe, remember, states_of
-from vlnpe.collectors.locomotion.policy import GaitPolicy
-from vlnpe.collectors.locomotion.quick import QuickStep
+from vlnpe.collectors.locomotion.runtime.gait import FACTORS, ClockState, GaitClock, joint_targets
+from vlnpe.collectors.locomotion.runtime.observation import observe, remember, states_of
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.quick import QuickStep
+from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.robots import RobotHandles, RobotSpec, get_robot
 
 CALIBRATED = replace(

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from vlnpe.collectors.gait_trials.measures import GOAL_S, SPEEDS_M_S, stops
-from vlnpe.collectors.gait_trials.terrain import noise_terrain
-from vlnpe.collectors.gait_trials.trial import TargetPipe
-from vlnpe.collectors.locomotion.gait import GaitClock
-from vlnpe.collectors.locomotion.policy import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.gait import GaitClock
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.trials.measures import GOAL_S, SPEEDS_M_S, stops
+from vlnpe.collectors.locomotion.trials.terrain import noise_terrain
+from vlnpe.collectors.locomotion.trials.trial import TargetPipe
 from vlnpe.collectors.robots import get_robot
 
 pytestmark = pytest.mark.chain

@@ -21,7 +21,7 @@ from vlnpe.formats.internnav.tokens import read_vocabulary
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.stages.convert_source import Options, detect, unit_items
+from vlnpe.pipeline.stages.convert.source import Options, detect, unit_items
 
 
 def test_the_command_converts_to_the_layout_and_back(

@@ -26,7 +26,7 @@ from vlnpe.formats.vlnce.files import (
 )
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.executors import base as executors
-from vlnpe.pipeline.stages.replay import item_names
+from vlnpe.pipeline.stages.rollouts.replay_items import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
 

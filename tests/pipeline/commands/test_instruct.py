@@ -25,11 +25,11 @@ from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.review import opened
 from vlnpe.pipeline.engine.executors import base as executors
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.jobs.instructions.instruct import read_facts
-from vlnpe.pipeline.jobs.instructions.visibility import LookJob
 from vlnpe.pipeline.options.instructions import Review
 from vlnpe.pipeline.provenance import episode_facts, provenance
-from vlnpe.pipeline.stages.align import part_name
+from vlnpe.pipeline.stages.episodes.align_items import part_name
+from vlnpe.pipeline.stages.instructions.instruct_job import read_facts
+from vlnpe.pipeline.stages.instructions.visibility import LookJob
 
 EAST = np.array([[1.0, 1.0], [3.0, 1.0], [6.5, 1.2]])
 

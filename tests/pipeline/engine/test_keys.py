@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vlnpe.collectors.locomotion.onnx_runtime import EXTRA
-from vlnpe.collectors.replay import ReplayConfig
+from vlnpe.collectors.locomotion.runtime.onnx_runtime import EXTRA
+from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.formats.core import source
 from vlnpe.formats.core.episode import Episode
 from vlnpe.pipeline.engine.work import Job, work_item
-from vlnpe.pipeline.jobs.replay import ReplayJob
-from vlnpe.pipeline.jobs.scenes.repair import RepairJob
-from vlnpe.pipeline.jobs.scenes.repair_splats import SplatRepairJob
+from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob
+from vlnpe.pipeline.stages.scenes.repair import RepairJob
+from vlnpe.pipeline.stages.scenes.repair_splats import SplatRepairJob
 from vlnpe.scene_repair.config import RepairConfig
 
 pytestmark = pytest.mark.chain
@@ -81,7 +81,7 @@ EDITS = {
         {"scan", "scan as splats"},
     ),
     "a shader": (
-        "collectors/rendering/kernels/surface_light.py",
+        "rendering/kernels/surface_light.py",
         "\nfrom .",
         "\nBRIGHTER = 2\nfrom .",
         {"render", "pictures", "look", "name"},
@@ -93,7 +93,7 @@ EDITS = {
         {"replay"},
     ),
     "the gait trainer": (
-        "collectors/gait_training/rewards.py",
+        "collectors/locomotion/training/rewards.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
         set(),
@@ -106,13 +106,13 @@ EDITS = {
         {"repair", "repair of splats"},
     ),
     "how splats are drawn": (
-        "formats/splatting/blend.py",
+        "geometry/splatting/blend.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
         {"repair of splats", "render", "pictures", "look", "name"},
     ),
     "how depth is fused, which the virtual scanner does, too": (
-        "formats/fusion/volume.py",
+        "geometry/fusion/volume.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
         {"scan", "scan as splats", "repair of splats"},
@@ -141,7 +141,12 @@ EDITS = {
         "\nMORE = 2\nfrom .",
         set(),
     ),
-    "a docstring": ("collectors/replay.py", '"""Replay an episode', '"""Play an episode', set()),
+    "a docstring": (
+        "collectors/replay/replay.py",
+        '"""Replay an episode',
+        '"""Play an episode',
+        set(),
+    ),
     "a comment": (
         "formats/core/frames.py",
         "\nimport ",

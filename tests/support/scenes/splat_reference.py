@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.splats.harmonics import basis
 from vlnpe.formats.splats.record import GaussianCloud
-from vlnpe.formats.splatting.draw import NEAR_M, Eye
+from vlnpe.geometry.splatting.draw import NEAR_M, Eye
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,236 @@
+"""Train a gait; run the same command again to resume after an interruption.
+
+`python -m vlnpe.collectors.locomotion.training.train aliengo [--publish]`
+
+Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
+output folder; `--publish` evaluates the result and installs it beside this file.
+"""
+
+import csv
+import logging
+import time
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+import tyro
+from rsl_rl.runners import OnPolicyRunner
+
+from ....formats.core.atomic import atomic_file
+from ....formats.core.errors import UnknownNameError, VlnpeError
+from ...robots import RobotSpec, get_robot
+from ..runtime.card import POLICY_FOLDER
+from ..trials.terrain import Terrain, rough_terrain
+from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
+from .env import GaitEnv
+from .export import plain_card, start_from, write_policy
+
+log = logging.getLogger(__name__)
+CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
+AVERAGING = 0.98  # decay of a refinement's mean weights, per iteration
+CHUNK = 10  # iterations per line of the learning curve
+
+
+@dataclass(frozen=True)
+class Arguments:
+    """Train one robot's gait.
+
+    Attributes:
+        robot: registry name.
+        out: folder of checkpoints and learning curve; default `runs/gait-<robot>`.
+        seed: random seed of the training.
+        threads: number of threads for physics.
+        publish: evaluate the result and install it into the package.
+        iterations: PPO iterations per phase; default as configured. For a quick trial.
+        refine: folder of a gait to start from, with the phases for that (`REFINEMENTS`).
+    """
+
+    robot: tyro.conf.Positional[str]
+    out: Path | None = None
+    seed: int = 0
+    threads: int = 2
+    publish: bool = False
+    iterations: int | None = None
+    refine: Path | None = None
+
+
+def run(arguments: Arguments) -> None:
+    """Train as the command line says.
+
+    Raises:
+        UnknownNameError: there is no such robot, or no recipe for its gait.
+    """
+    if arguments.robot not in PHASES:
+        raise UnknownNameError("robot to train", arguments.robot, PHASES)
+    robot = get_robot(arguments.robot)
+    out = arguments.out or Path("runs") / f"gait-{robot.name}"
+    train(
+        robot,
+        out,
+        arguments.seed,
+        arguments.threads,
+        arguments.iterations,
+        arguments.refine,
+    )
+    if arguments.publish:
+        # Late, because it needs more than training does.
+        from ..trials.evaluate import publish
+
+        publish(robot, out, POLICY_FOLDER)
+
+
+def train(
+    robot: RobotSpec,
+    out: Path,
+    seed: int,
+    threads: int,
+    iterations: int | None = None,
+    refine: Path | None = None,
+) -> None:
+    """Run all phases of the robot's training, going on from the last checkpoint in `out`.
+
+    With `refine`, a folder, it starts from the gait in there and runs the phases of a refinement.
+    """
+    # The networks are small: more torch threads cost more than they give.
+    torch.set_num_threads(1)
+    out.mkdir(parents=True, exist_ok=True)
+    checkpoint = out / "checkpoint.pt"
+    done, samples, wall_s = 0, 0, 0.0
+    first, progress = 0, {}
+    phases = (REFINEMENTS if refine else PHASES)[robot.name]
+    for number, (phase, planned) in enumerate(phases):
+        last = first + (planned if iterations is None else iterations)
+        if checkpoint.exists():
+            progress = torch.load(checkpoint, weights_only=True)["infos"]
+            done, samples, wall_s = (progress[k] for k in ("iterations", "samples", "wall_s"))
+        if done >= last:
+            first = last
+            continue
+        log.info("phase %d: %s terrain, iterations %d to %d", number, phase.terrain, done, last)
+        rng = np.random.default_rng([seed, number, done])
+        torch.manual_seed(seed + done)
+        terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
+        env = GaitEnv(robot, phase, terrain, rng, threads)
+        ppo = refinement_config(phase, seed, env.symmetry) if refine else ppo_config(phase, seed)
+        runner = OnPolicyRunner(env, {**ppo, "multi_gpu": None})
+        if checkpoint.exists():
+            runner.load(str(checkpoint))
+        if refine:
+            # A normaliser that drifts moves a finished policy more than learning does.
+            normalizer: Any = runner.alg.actor.obs_normalizer
+            normalizer.until = 0
+            if not checkpoint.exists():
+                _start_refining(robot, refine, env, runner)
+        average = progress.get("average") or _weights(runner)
+        while done < last:
+            started = time.monotonic()
+            # Robots first learn to walk, then to walk smoothly and to be kicked.
+            if not refine:
+                env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+                env.smoothness_scale = min(1.0, 0.2 + done / 300)
+            count = min(CHUNK, last - done)
+            for _ in range(count):
+                runner.learn(1)
+                for name, value in _weights(runner).items():
+                    average[name].lerp_(value, 1.0 - AVERAGING)
+            done += count
+            samples += count * phase.envs * phase.steps
+            wall_s += time.monotonic() - started
+            _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
+            progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
+            with atomic_file(checkpoint) as temporary:
+                runner.save(str(temporary), {**progress, "average": average})
+            if done % 50 == 0 or done == last:
+                facts = _facts(robot, seed, progress, refine)
+                actor, last_weights = runner.alg.get_policy(), _weights(runner)
+                if refine:
+                    # Single iterations of a refinement are mostly noise; their average is not.
+                    actor.load_state_dict(average, strict=False)
+                write_policy(robot, phase, actor, facts, out)
+                actor.load_state_dict(last_weights, strict=False)
+        first = last
+
+
+def _weights(runner: OnPolicyRunner) -> dict[str, torch.Tensor]:
+    """Return a copy of the actor's weights, without its normaliser."""
+    return {
+        k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")
+    }
+
+
+def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
+    """Take over the gait in a folder, and let the critic learn what it is worth first."""
+    algorithm = runner.alg
+    start_from(robot, folder, env, algorithm.actor)
+    schedule, rate = algorithm.schedule, algorithm.learning_rate
+    algorithm.schedule = "fixed"
+    algorithm.actor.requires_grad_(False)
+    runner.learn(CRITIC_ITERATIONS)
+    algorithm.actor.requires_grad_(True)
+    algorithm.schedule, algorithm.learning_rate = schedule, 0.3 * rate
+    for group in algorithm.optimizer.param_groups:
+        group["lr"] = algorithm.learning_rate
+
+
+def _facts(
+    robot: RobotSpec, seed: int, progress: dict[str, Any], refine: Path | None
+) -> dict[str, Any]:
+    phases = (REFINEMENTS if refine else PHASES)[robot.name]
+    start = {}
+    if refine:
+        card = plain_card(robot, refine)
+        start = {"start": {"onnx_sha256": card.onnx_sha256, "training": card.training}}
+    return {
+        "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
+        "seed": seed,
+        **progress,
+        **start,
+        "phases": [{**asdict(p), "iterations": count} for p, count in phases],
+        "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
+    }
+
+
+def _write_curve(
+    path: Path, env: GaitEnv, runner: OnPolicyRunner, done: int, samples: int, wall_s: float
+) -> None:
+    row = {
+        "iteration": done,
+        "samples": samples,
+        "wall_s": round(wall_s, 1),
+        "learning_rate": runner.alg.learning_rate,
+        "action_std": float(runner.alg.get_policy().output_std.detach().mean()),
+        **{name: round(float(np.mean(v)), 5) for name, v in env.statistics.items()},
+    }
+    env.statistics.clear()
+    log.info(
+        "%5d  %5.1f M  %6.0f s  reward %6.3f  error %.3f m/s %.3f rad/s  falls/min %.2f",
+        done,
+        samples / 1e6,
+        wall_s,
+        row["reward"],
+        row["linear_error"],
+        row["yaw_error"],
+        row["falls_per_minute"],
+    )
+    fresh = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(row))
+        if fresh:
+            writer.writeheader()
+        writer.writerow(row)
+
+
+def main() -> None:
+    """Run the command line of `make train-gait`."""
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    try:
+        run(tyro.cli(Arguments))
+    except VlnpeError as error:
+        raise SystemExit(f"train-gait: {error}") from None
+
+
+if __name__ == "__main__":
+    main()

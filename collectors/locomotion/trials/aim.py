@@ -1,0 +1,107 @@
+"""Calibrate commands, so that a gait walks as fast as commanded.
+
+A trained gait falls short of some commands in a way that repeats: fast ones, or a turn while
+walking. Measured once, this is undone by a polynomial from the velocity wanted to the one asked
+for. Its monomials respect the robot's left-right symmetry.
+"""
+
+import math
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...robots import CommandLimits
+from ..runtime.gait import GaitClock, monomials
+from ..runtime.policy import GaitPolicy
+from .trial import STEP_S, Conditions, Trial
+
+Array = NDArray[np.float64]
+POINTS, SECONDS, WARM_UP_S, ROUNDS = 5, 5.0, 2.0, 5
+# Late actions cost more than early ones gain: between none and 20 ms, nearer to the latter.
+LATENCY_SUBSTEPS = 3
+STRIDE = 0.7  # share of the remaining error that a round corrects
+
+
+def command_bounds(
+    limits: CommandLimits, margin: float = 1.0, beyond: ArrayLike = (0.0, 0.0, 0.0)
+) -> Array:
+    """Return least and greatest vx, vy and yaw (3, 2): the limits times `margin`, plus `beyond`."""
+    bounds = margin * np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
+    return bounds + np.asarray(beyond)[:, None] * (-1.0, 1.0)
+
+
+def calibrated(policy: GaitPolicy) -> GaitPolicy:
+    """Return the policy with its gait calibrated, within the commands of its last training phase.
+
+    A card whose training says `aim_beyond` may be asked for that much more than the robot's limits:
+    a gait that only walks too slowly follows commands that it never saw.
+    """
+    training = policy.card.training
+    phase = training["phases"][-1]
+    beyond = training.get("aim_beyond", phase.get("command_beyond", (0, 0, 0)))
+    most = command_bounds(policy.robot.command_limits, phase["command_margin"], beyond)
+    return policy.changed(policy.robot, replace(policy.card, gait=aimed(policy, most)))
+
+
+def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = ROUNDS) -> GaitClock:
+    """Return the policy's gait with commands calibrated on flat ground.
+
+    Every command of a grid inside the robot's limits is corrected, round after round, by what the
+    mean velocity still lacks; the polynomial is fitted to the last round.
+
+    Args:
+        policy: policy to calibrate; its present calibration is ignored.
+        most: (3, 2) least and greatest vx, vy and yaw that it was trained with.
+        points: number of grid points along each axis.
+        rounds: number of rounds of correction.
+    """
+    bounds = command_bounds(policy.robot.command_limits)
+    wanted = np.array(list(product(*(np.linspace(low, high, points) for low, high in bounds))))
+    wanted = wanted[policy.card.gait.moving(wanted)]
+    plain = replace(policy.card.gait, aim=(), aim_limits=())
+    asked = wanted.copy()
+    for _ in range(rounds):
+        reached, up = _mean_velocity(policy, plain, asked)
+        step = np.where(up[:, None], STRIDE * (wanted - reached), 0.0)
+        asked = np.clip(asked + step, most[:, 0], most[:, 1])
+    return replace(
+        plain,
+        aim=tuple(tuple(row) for row in _fit(wanted, asked - wanted).tolist()),
+        aim_limits=tuple((float(low), float(high)) for low, high in most),
+    )
+
+
+def _mean_velocity(
+    policy: GaitPolicy, gait: GaitClock, commands: Array
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return mean velocities (N, 3) under constant commands (N, 3), and who is still up (N,)."""
+    n = len(commands)
+    free_axis = (-math.inf, math.inf)
+    anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
+    free = policy.changed(
+        replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
+    )
+    rng = np.random.default_rng(0)
+    conditions = replace(Conditions.mixed(n, rng), latency_substeps=LATENCY_SUBSTEPS)
+    trial = Trial(free, conditions, np.zeros((n, 2)), np.zeros(n), rng)
+    velocity = []
+    for _ in range(round(SECONDS / STEP_S)):
+        trial.step(commands)
+        if trial.time_s > WARM_UP_S:
+            velocity.append(trial.velocity)
+    return np.mean(velocity, axis=0), ~trial.fallen
+
+
+def _fit(wanted: Array, extra: Array) -> Array:
+    """Return coefficients (3, K) of `monomials` for what must be asked beyond what is wanted."""
+    terms = monomials(wanted)
+    # Under a reflection of y, vy and yaw change sign; vx must not, and they must.
+    odd = monomials(np.array([[1.0, -1.0, -1.0]]))[0] < 0.0
+    coefficients = np.zeros((3, terms.shape[1]))
+    for axis in range(3):
+        allowed = odd if axis else ~odd
+        solution, *_ = np.linalg.lstsq(terms[:, allowed], extra[:, axis], rcond=None)
+        coefficients[axis, allowed] = solution
+    return coefficients

@@ -1,0 +1,128 @@
+"""How well a gait walks: the table that goes into its card, and the gates it must pass.
+
+`python -m vlnpe.collectors.locomotion.trials.evaluate aliengo` measures the installed policy;
+`--policy runs/gait-aliengo` the one in a training's folder, `--publish` installs that one with its
+table.
+"""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import tyro
+
+from ....formats.core.atomic import atomic_file
+from ...controllers import SpeedConfig
+from ...robots import RobotSpec, get_robot
+from ..runtime.card import POLICY_FOLDER, save_card
+from ..runtime.policy import GaitPolicy
+from .aim import calibrated
+from .driven import action_errors, follow_paths
+from .gates import CLOSED_LOOP, TIMED, gate_results
+from .measures import command_grid, posture, pushes, standing, stops, velocity_errors
+from .terrain import noise_terrain, ramp_terrain
+from .trial import POLICY_DECIMATION, Conditions
+
+log = logging.getLogger(__name__)
+
+LATE_SUBSTEPS = 12  # 60 ms
+SEED = 1234  # of the trials; their terrain and seeds differ from those of training
+
+
+def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -> dict[str, Any]:
+    """Return the whole table; `scale` < 1 takes fewer robots, and below 0.1 fewer commands."""
+    rng = np.random.default_rng(seed)
+    many, few = max(2, round(200 * scale)), max(2, round(24 * scale))
+    rough = {f"noise_{cm}cm": noise_terrain(rng, 0.01 * cm) for cm in (4, 6)}
+    grid = command_grid(policy.robot, points=3 if scale >= 0.1 else 2)
+    table: dict[str, Any] = {"seed": seed, "standing": standing(policy)}
+    for friction in (0.5, 1.1):
+        for late, substeps in (("", 0), ("_20ms_late", POLICY_DECIMATION)):
+            conditions = Conditions(friction=friction, latency_substeps=substeps)
+            name = f"grid_friction_{friction:g}{late}"
+            table[name] = velocity_errors(policy, grid, conditions, rng)
+    bumps = Conditions.mixed(len(grid), rng, rough["noise_4cm"])
+    table["grid_noise_4cm"] = velocity_errors(policy, grid, bumps, rng)
+    for name, config in {
+        TIMED: SpeedConfig(),
+        CLOSED_LOOP: SpeedConfig(end_on_displacement=True),
+    }.items():
+        table[name] = action_errors(policy, config, few, Conditions.mixed(few, rng), rng)
+    for name, terrain in {"flat": None, **rough}.items():
+        conditions = Conditions.mixed(many, rng, terrain)
+        table[f"paths_{name}"] = follow_paths(policy, many, conditions, rng)
+    late = replace(Conditions.mixed(many, rng), latency_substeps=LATE_SUBSTEPS)
+    table["paths_60ms_late"] = follow_paths(policy, many, late, rng)
+    for degrees in (5, 8):
+        for name, by_speed in (("path", False), ("speed", True)):
+            conditions = Conditions.mixed(4 * few, rng, ramp_terrain(degrees))
+            table[f"ramps_{degrees}deg_{name}"] = follow_paths(
+                policy, 4 * few, conditions, rng, by_speed
+            )
+    table["pushes"] = pushes(policy, many, 0.5, rng)
+    table["pushes_hard"] = pushes(policy, many, 0.8, rng)
+    table["posture"] = posture(policy, rng)
+    every = min(max(1, round(1 / scale)), 24)
+    table["stopping"] = stops(policy, rough["noise_4cm"], rng, every)
+    return table
+
+
+def publish(robot: RobotSpec, source: Path, target: Path, scale: float = 1.0) -> dict[str, Any]:
+    """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
+
+    A calibration that it has, as one that anticipates has its first gait's, is kept.
+
+    Returns:
+        The evaluation table, see `evaluation_table` for `scale`.
+    """
+    policy = GaitPolicy.load(robot, source)
+    policy = policy if policy.card.gait.aim else calibrated(policy)
+    card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
+    network = (source / f"{robot.name}.onnx").read_bytes()
+    with atomic_file(target / f"{robot.name}.onnx") as temporary:
+        temporary.write_bytes(network)
+    save_card(card, target / f"{robot.name}.json")
+    return card.evaluation
+
+
+def report(evaluation: dict[str, Any]) -> str:
+    """Return the gates, one line each, and the errors of discrete actions in VLN-PE's timing."""
+    lines = [str(result) for result in gate_results(evaluation)]
+    timed = evaluation[TIMED]
+    lines.append(
+        f"  (discrete actions of 0.25 s each, 90 %: {timed['position_p90_m']:.3f} m, "
+        f"{timed['heading_p90_deg']:.1f}°, {timed['falls']} of {timed['robots']} robots fell)"
+    )
+    return "\n".join(lines)
+
+
+def main(
+    robot: Annotated[str, tyro.conf.Positional],
+    policy: Path = POLICY_FOLDER,
+    scale: float = 1.0,
+    seed: int = SEED,
+    publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
+) -> None:
+    """Measure a policy and print its evaluation table and its gates.
+
+    Args:
+        robot: registry name.
+        policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
+        seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
+        scale: below 1 takes fewer robots, for a quick look.
+        publish_it: install the policy, with its table, beside this file.
+    """
+    logging.basicConfig(level=logging.INFO, format="%(message)s")
+    spec = get_robot(robot)
+    if publish_it:
+        evaluation = publish(spec, policy, POLICY_FOLDER, scale)
+    else:
+        evaluation = evaluation_table(GaitPolicy.load(spec, policy), seed, scale)
+    log.info("%s\n\n%s", json.dumps(evaluation, indent=1), report(evaluation))
+
+
+if __name__ == "__main__":
+    tyro.cli(main)

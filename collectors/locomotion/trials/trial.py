@@ -1,0 +1,289 @@
+"""Many robots walking at once under one policy, measured; no learning involved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from numpy.typing import NDArray
+
+from ....formats.core.frames import quat_to_yaw
+from ...robots import (
+    POLICY_DECIMATION,
+    TIMESTEP_S,
+    RobotHandles,
+    apply_physics_options,
+)
+from ..runtime.gait import ClockState, joint_targets
+from ..runtime.observation import RobotState, observe, remember, states_of
+from ..runtime.policy import GaitPolicy
+from .terrain import Terrain
+
+Array = NDArray[np.float64]
+STEP_S = TIMESTEP_S * POLICY_DECIMATION
+TOUCH_N = 1.0  # as in a rollout's record
+FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground with it
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What a trial is run in; arrays hold one value per robot.
+
+    Attributes:
+        friction: of the feet, or None for the robot's own.
+        latency_substeps: physics steps by which every action comes late.
+        push_m_s, push_every_s: kicks of the base in random directions; none where 0.
+    """
+
+    terrain: Terrain = field(default_factory=Terrain)
+    friction: float | Array | None = None
+    latency_substeps: int | NDArray[np.intp] = 0
+    push_m_s: float = 0.0
+    push_every_s: float = 3.0
+
+    @staticmethod
+    def mixed(
+        count: int, rng: np.random.Generator, terrain: Terrain | None = None, push_m_s: float = 0.0
+    ) -> Conditions:
+        """Return the friction of 0.5–1.1 for each robot, and every second one acts 20 ms late."""
+        return Conditions(
+            terrain=terrain or Terrain(),
+            friction=rng.uniform(0.5, 1.1, count),
+            latency_substeps=np.arange(count) % 2 * POLICY_DECIMATION,
+            push_m_s=push_m_s,
+        )
+
+
+class TargetPipe:
+    """Delays joint targets by a number of physics steps, one for each of N robots."""
+
+    def __init__(self, late_substeps: NDArray[np.intp]) -> None:
+        """Get ready; `fill` comes first.
+
+        Args:
+            late_substeps: (N,) delays in physics steps, 0 or more.
+        """
+        substep = np.arange(POLICY_DECIMATION)
+        # How many policy steps before the present one a physics step's target was given.
+        self._age = np.maximum(-(-(late_substeps[:, None] - substep) // POLICY_DECIMATION), 0)
+        self._kept = 1 + int(self._age.max(initial=0))
+        self._robots = np.arange(len(late_substeps))[:, None]
+
+    def fill(self, target_rad: Array) -> None:
+        """Fill the pipe with the targets (N, J) [rad]."""
+        self._recent = np.repeat(target_rad[None], self._kept, axis=0)
+
+    def refill(self, robots: NDArray[np.intp], target_rad: Array) -> None:
+        """Fill the pipe of some robots only, with (K, J) or (J,) targets."""
+        self._recent[:, robots] = target_rad
+
+    def push(self, target_rad: Array) -> Array:
+        """Take new targets (N, J); returns what arrives, (N, physics steps, J) [rad]."""
+        self._recent = np.concatenate([target_rad[None], self._recent[:-1]])
+        return self._recent[self._age, self._robots]
+
+
+class Trial:
+    """N copies of a robot, started at given poses and driven by commands at policy rate.
+
+    A robot that falls stays where it fell, unmoved, and so does one passed to `leave`:
+    neither costs time any more.
+
+    Attributes:
+        poses: (N, 2, 3) x, y [m] and heading [rad] of the base, 10 and 20 ms after the last step
+            began.
+        slip: (N, F) [m/s] speed of each foot's skin where it touched the ground during the last
+            step; NaN for feet in the air, and for all feet if they are not recorded.
+        target_rate: (N, J) how fast the joint targets changed with the last step [rad/s].
+        fallen: (N,) whether each robot has fallen.
+    """
+
+    def __init__(
+        self,
+        policy: GaitPolicy,
+        conditions: Conditions,
+        xy_m: Array,
+        yaw_rad: Array,
+        rng: np.random.Generator,
+        *,
+        watch_feet: bool = False,
+        settle_s: float = 1.0,
+        threads: int = 1,
+    ) -> None:
+        self.policy, self.conditions, self.rng = policy, conditions, rng
+        robot = policy.robot
+        spec = robot.spec()
+        apply_physics_options(spec)
+        conditions.terrain.add_to(spec)
+        model = spec.compile()
+        self.handles = h = RobotHandles.find(robot, model)
+        self._sole_radius = h.sole_radius_m
+        n = len(xy_m)
+        self.batch = Batch(model, n, threads)
+        if conditions.friction is not None:
+            friction = np.broadcast_to(conditions.friction, n)
+            self.batch.expand("geom_friction")[:, h.sole_geoms.ravel(), 0] = friction[:, None]
+        self._pipe = TargetPipe(np.broadcast_to(conditions.latency_substeps, n))
+        self._next_push = self.rng.uniform(0.0, conditions.push_every_s, n)
+        self.batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._geoms, self._com = self.batch.bind("geom_xpos"), self.batch.bind("subtree_com")
+        self._geom_axes = self.batch.bind("geom_xmat")
+        self._sensors = self.batch.bind("sensordata")
+        data = mujoco.MjData(model)
+        for i in range(n):
+            around = xy_m[i] + self.rng.uniform(-0.35, 0.35, (32, 2))
+            ground = float(conditions.terrain.at(around).max())
+            x, y = xy_m[i]
+            h.spawn(data, x_m=x, y_m=y, floor_z_m=ground, yaw_rad=float(yaw_rad[i]))
+            self._qpos[i] = data.qpos
+        self.batch.forward()
+        self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+        self._target = np.tile(robot.default_joint_rad, (n, 1))
+        self._pipe.fill(self._target)
+        self._seen: Array | None = None
+        self.action, self._clock = np.zeros((n, robot.policy_joints)), ClockState.standing(n)
+        self._soles = self._look_at_soles() if watch_feet else None
+        # As in a replay, the robot first settles on its feet.
+        self.time_s = -settle_s
+        for _ in range(round(settle_s / STEP_S)):
+            self.step(np.zeros((n, 3)))
+        self.time_s = 0.0
+
+    @property
+    def going(self) -> NDArray[np.bool_]:
+        """(N,) robots that still take part."""
+        return ~self.fallen & ~self._gone
+
+    def leave(self, robots: NDArray[np.bool_]) -> None:
+        """Let the robots marked in (N,) take part no more."""
+        self._gone |= robots
+
+    def step(self, command: Array) -> None:
+        """Advance by 20 ms under commands (N, 3) [m/s, rad/s] in the base frame."""
+        ids = np.flatnonzero(self.going)
+        self.poses = np.repeat(self._pose_of(self._qpos)[:, None], 2, axis=1)
+        self.slip = np.full((len(command), len(self.handles.sole_geoms)), np.nan)
+        self.target_rate = np.full(self._target.shape, np.nan)
+        if not len(ids):
+            self.time_s += STEP_S
+            return
+        self._push()
+        robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
+        wanted = robot.command_limits.clip(command)
+        self._clock, moving = gait.tick(self._clock, wanted, STEP_S)
+        wanted, phase = gait.aimed(self._clock.command), self._clock.phase
+        default, policed = robot.default_joint_rad, robot.policy_joints
+        now = observe(self.state(), default[:policed], wanted, phase, moving, previous)
+        self._seen = remember(now, self._seen, policed, self.policy.card.past)
+        self.action = self.policy.infer(self._seen)
+        before = self._target
+        reference = gait.reference(phase, moving, wanted)
+        self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
+        control = self._pipe.push(self._target)
+        order = np.argsort(self.handles.actuators)
+        record = self.batch.rollout(
+            POLICY_DECIMATION, control[ids][..., order], record=("qpos",), ids=ids
+        )["qpos"]
+        half = POLICY_DECIMATION // 2
+        for k, at in enumerate((half - 1, POLICY_DECIMATION - 1)):
+            self.poses[ids, k] = self._pose_of(record[:, at])
+        self.time_s += STEP_S
+        if self._soles is not None:
+            soles, self._soles = self._soles, self._look_at_soles()
+            self.slip[ids] = self._slip(soles, self._soles)[ids]
+        self.target_rate[ids] = ((self._target - before) / STEP_S)[ids]
+        self.fallen |= self.going & self._falls()
+        self._qvel[self.fallen] = 0.0
+
+    def state(self) -> RobotState:
+        """Return the current state of all robots."""
+        return states_of(self._qpos, self._qvel, self.handles)
+
+    @property
+    def position_m(self) -> Array:
+        """(N, 3) base positions."""
+        return self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3].copy()
+
+    @property
+    def velocity(self) -> Array:
+        """(N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame; 0 of the fallen."""
+        state = self.state()
+        return np.column_stack(
+            [state.linear_velocity_m_s[:, :2], state.angular_velocity_rad_s[:, 2]]
+        )
+
+    @property
+    def qpos(self) -> Array:
+        """(N, nq) generalised positions."""
+        return self._qpos.copy()
+
+    @property
+    def foot_clearance_m(self) -> Array:
+        """(N, F) height of each foot's lowest sole above the ground."""
+        soles = self._geoms[:, self.handles.sole_geoms]
+        ground = self.conditions.terrain.at(soles[..., :2])
+        return (soles[..., 2] - self._sole_radius - ground).min(axis=-1)
+
+    def _pose_of(self, qpos: Array) -> Array:
+        """Return (N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
+        q = self.handles.root_qpos
+        return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
+
+    def _look_at_soles(self) -> _Soles:
+        h = self.handles
+        position = self._geoms[:, h.sole_geoms]
+        axes = self._geom_axes[:, h.sole_geoms].reshape(*position.shape[:-1], 3, 3)
+        height = position[..., 2] - self._sole_radius
+        lowest = height < height.min(axis=-1, keepdims=True) + FLAT_M
+        touching = lowest & (self._sensors[:, h.foot_touch] > TOUCH_N)[..., None]
+        return _Soles(position, axes, touching)
+
+    def _slip(self, before: _Soles, now: _Soles) -> Array:
+        """Return (N, F) speed [m/s] of each foot's skin where it touches the ground, else NaN.
+
+        A round sole rolls: its centre moves while its lowest point rests.
+        """
+        down = np.zeros(3)
+        down[2] = -1.0
+        radius = self._sole_radius[..., None]
+        skin = radius * np.einsum("nfsji,j->nfsi", before.axes, down)
+        after = now.position_m + np.einsum("nfsij,nfsj->nfsi", now.axes, skin)
+        moved = (after - before.position_m - radius * down)[..., :2]
+        both = before.touching & now.touching
+        speed = np.where(both, np.linalg.norm(moved, axis=-1), 0.0) / STEP_S
+        count = both.sum(axis=-1)
+        return np.where(count > 0, speed.sum(axis=-1) / np.maximum(count, 1), np.nan)
+
+    def _falls(self) -> NDArray[np.bool_]:
+        fall, g = self.policy.robot.fall, self.state().gravity
+        roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
+        pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
+        lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
+        sole = lowest.min(axis=(1, 2))
+        low = self._com[:, self.handles.root_body, 2] - sole < fall.com_to_foot_m
+        broken = ~np.isfinite(self._qpos).all(axis=1)
+        return (roll > fall.roll_rad) | (pitch > fall.pitch_rad) | low | broken
+
+    def _push(self) -> None:
+        """Kick those whose time has come; each has its own, or all were in the same step."""
+        due = self.going & (self._next_push <= self.time_s)
+        speed = self.conditions.push_m_s
+        if not speed or not due.any():
+            return
+        self._next_push[due] += self.conditions.push_every_s
+        angle = self.rng.uniform(0, 2 * np.pi, int(due.sum()))
+        v = self.handles.root_dof
+        self._qvel[due, v] += speed * np.cos(angle)
+        self._qvel[due, v + 1] += speed * np.sin(angle)
+
+
+@dataclass(frozen=True)
+class _Soles:
+    """Where the soles are: positions (N, F, S, 3), axes (N, F, S, 3, 3), touching (N, F, S)."""
+
+    position_m: Array
+    axes: Array
+    touching: NDArray[np.bool_]

@@ -1,0 +1,1 @@
+"""Episodes walked in physics, their outcomes and metrics."""

@@ -1,0 +1,52 @@
+"""What a rollout says beside its samples: the expert's labels, and how it was made."""
+
+from dataclasses import asdict
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.frames import quat_to_yaw
+from ...formats.core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action
+from ..controllers import Expert, Pose, Task
+from ..locomotion.runtime import GaitPolicy
+from ..robots import POLICY_DECIMATION, TIMESTEP_S
+from .config import ReplayConfig
+from .world import World
+
+
+def expert_labels(
+    task: Task, position_world_m: NDArray[np.float64], quat_wxyz: NDArray[np.float64]
+) -> tuple[Action, ...]:
+    """Return the expert's action at each frame of a robot that follows its path.
+
+    Args:
+        position_world_m: (N, 3) at 100 Hz.
+        quat_wxyz: (N, 4).
+    """
+    every = STATE_RATE_HZ // DISCRETE_RATE_HZ
+    expert = Expert(task)
+    yaws = quat_to_yaw(quat_wxyz[::every]).tolist()
+    return tuple(
+        expert.next_action(Pose(x, y, yaw))
+        for (x, y, _), yaw in zip(position_world_m[::every].tolist(), yaws, strict=True)
+    )
+
+
+def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[str, Any]:
+    """Return what made a rollout: seed, robot, gait, controller and physics."""
+    gait = None if teleports else world.gait
+    floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
+    return {
+        "seed": config.seed,
+        "robot_mass_kg": world.robot.mass_kg,
+        "robot_physics": world.physics_hash,
+        "policy_sha256": gait.card.onnx_sha256 if isinstance(gait, GaitPolicy) else None,
+        "controller_config": asdict(getattr(config, config.controller)),
+        "timestep_s": TIMESTEP_S,
+        "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),
+        "mujoco": mujoco.__version__,
+        "floor": floor.name.removeprefix("mjGEOM_").lower(),
+        "obstacle_boxes": world.obstacles,
+    }

@@ -1,0 +1,1 @@
+"""Geometry that is no file format: rays, fusion of depth images, splatting."""

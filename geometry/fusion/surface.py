@@ -1,0 +1,141 @@
+"""The triangle mesh of a fused volume, and the neighbourhood of its triangles.
+
+Only cells that were seen entirely become surface.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import fast_simplification
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from skimage.measure import marching_cubes
+
+from ...formats.core.geometry import triangle_normals_and_areas
+from .volume import DistanceVolume
+
+_LEAST_WEIGHT = 0.06
+# A true surface changes the field by at most √3 / 3 across a cell; more is two views that
+# contradict each other (the far side of something thin), not a surface.
+_STEEPEST = 1.25
+_SMALLEST_PATCH = 60
+
+
+@dataclass(frozen=True)
+class ScanMesh:
+    """A triangle mesh.
+
+    Attributes:
+        vertices: (V, 3) float64 world [m].
+        faces: (F, 3) int32, counter-clockwise seen from where the scanner was.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int32]
+
+    def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return unit normals (F, 3) and areas (F,) [m²]."""
+        return triangle_normals_and_areas(self.vertices[self.faces])
+
+
+def extract(
+    volume: DistanceVolume, target_faces: int, least_weight: float = _LEAST_WEIGHT
+) -> ScanMesh:
+    """Run marching cubes over fully seen cells; remove specks; decimate to `target_faces`."""
+    mesh = _march(volume, least_weight)
+    mesh = without_specks(mesh, _SMALLEST_PATCH)
+    reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
+    if reduction > 0:
+        points, faces = fast_simplification.simplify(mesh.vertices, mesh.faces, float(reduction))[
+            :2
+        ]
+        mesh = ScanMesh(np.asarray(points, dtype=np.float64), np.asarray(faces, dtype=np.int32))
+    return without_specks(_tidy(mesh), 12)
+
+
+def _march(volume: DistanceVolume, least_weight: float) -> ScanMesh:
+    seen = volume.weight > least_weight
+    high = np.where(seen, volume.value, np.float32(9))
+    low = np.where(seen, volume.value, np.float32(-9))
+    for axis in range(3):
+        high = np.maximum(_lead(high, axis), _trail(high, axis))
+        low = np.minimum(_lead(low, axis), _trail(low, axis))
+    good = (high - low < _STEEPEST) & (high > 0) & (low < 0)
+    mask = np.zeros(volume.value.shape, dtype=bool)
+    # scikit-image looks at the mask of a cell's last corner.
+    mask[1:, 1:, 1:] = good
+    points, faces, *_ = marching_cubes(
+        volume.value, 0.0, mask=mask, gradient_direction="descent", allow_degenerate=False
+    )
+    return ScanMesh(
+        points.astype(np.float64) * volume.voxel_m + volume.origin_m, faces.astype(np.int32)
+    )
+
+
+def _lead(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    return field[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
+
+
+def _trail(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+    return field[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
+
+
+def _tidy(mesh: ScanMesh) -> ScanMesh:
+    """Remove degenerate and duplicate triangles."""
+    faces = mesh.faces
+    _, area = mesh.normals()
+    ordered = np.sort(faces, axis=1)
+    _, first = np.unique(ordered, axis=0, return_index=True)
+    keep = np.zeros(len(faces), dtype=bool)
+    keep[first] = True
+    keep &= (area > 1e-9) & (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
+    return _compact(mesh.vertices, faces[keep])
+
+
+def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
+    """Remove connected pieces of fewer than `least_faces` triangles."""
+    faces = mesh.faces
+    piece = pieces(len(mesh.vertices), np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]))
+    size = np.bincount(piece[faces[:, 0]], minlength=piece.max(initial=0) + 1)
+    return _compact(mesh.vertices, faces[size[piece[faces[:, 0]]] >= least_faces])
+
+
+def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMesh:
+    used = np.zeros(len(vertices), dtype=bool)
+    used[faces] = True
+    number = np.cumsum(used, dtype=np.int32) - np.int32(1)
+    return ScanMesh(vertices[used], number[faces])
+
+
+def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
+    """Return pairs (N, 2) of triangles (F, 3) that share an edge."""
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    key = edges[:, 0].astype(np.int64) * (int(faces.max(initial=0)) + 1) + edges[:, 1]
+    order = np.argsort(key, kind="stable")
+    same = key[order[1:]] == key[order[:-1]]
+    return np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
+
+
+def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
+    """Return the connected component (count,) of each of `count` items."""
+    graph = coo_matrix(
+        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
+    )
+    return connected_components(graph, directed=False)[1]
+
+
+def smooth_normals(mesh: ScanMesh, rounds: int) -> NDArray[np.float64]:
+    """Return unit face normals (F, 3), area-averaged over `rounds` rings of neighbours."""
+    normals, area = mesh.normals()
+    for _ in range(rounds):
+        at_vertex = np.zeros_like(mesh.vertices)
+        for axis in range(3):
+            weighted = np.repeat(normals[:, axis] * area, 3)
+            at_vertex[:, axis] = np.bincount(
+                mesh.faces.ravel(), weighted, minlength=len(mesh.vertices)
+            )
+        normals = at_vertex[mesh.faces].sum(1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return normals

@@ -1,0 +1,210 @@
+"""From episodes to datasets: `replay`, `render`, `export` of one robot under one controller."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from ...collectors.replay.replay import ReplayConfig
+from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
+from ...rendering.camera.extras import Extras
+from ...rendering.camera.views import View
+from .. import jobs
+from ..engine.explain import parts_of
+from ..engine.ledger import Ledger, Row
+from ..engine.runner import WorkItem
+from ..inputs.crews import action_timing, kept
+from ..stages.datasets import export_items as export
+from ..stages.instructions import instruct_items as instruct
+from ..stages.instructions import sight_items as sight
+from ..stages.rollouts import render_items as render
+from ..stages.rollouts import replay_items as replay
+from ..stages.rollouts import together
+from .run import Run
+
+# What a worker imports that takes an episode through all stages.
+MODULES = tuple(f"{jobs.__name__}.{name}" for name in ("replay", "render", "export", "mcap"))
+
+
+@dataclass(frozen=True)
+class Product:
+    """What is rendered and exported from rollouts.
+
+    Attributes:
+        only_success: leave failures out of the export; they are rendered in any case.
+        rgb_codec: key of `formats.video.RGB_CODECS`.
+        depth_storage: what `export.check_depth_storage` takes.
+    """
+
+    frames_per_second: int
+    extras: Extras
+    only_success: bool
+    rgb_codec: str
+    depth_storage: str
+    mcap: bool = True
+
+
+def select_current(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    pairs: Sequence[tuple[str, str]],
+) -> None:
+    """Leave out robots other than `pairs` that walked other paths, or else than they would now.
+
+    Those that walked some of these paths stay, also with more or fewer of them, and so do those of
+    another seed: the report says how many each walked. `report.gather.left_out` tells the others.
+    """
+    ledger = run.context.ledger
+    done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
+    current = {(robot, replay.label_of(ledger, _config(run, robot, name))) for robot, name in pairs}
+    for robot, label in sorted(done - current):
+        scope = f"{robot}/{label}/"
+        rows = [row for row in ledger.rows(replay.STAGE) if row.item.startswith(scope)]
+        try:
+            config = _recorded_config(run, robot, label)
+            if config.seed != run.seed or _agree(
+                ledger, rows, asked, _walks(run, asked, scenes, config, label)
+            ):
+                continue
+        except InputError:  # a robot that is known no more
+            pass
+        for stage in (replay.STAGE, render.STAGE, export.STAGE, export.MCAP_STAGE):
+            ledger.select(stage, scope, ())
+        ledger.select(export.DATASET_STAGE, f"{robot}-{label}-", ())
+
+
+def collect(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    crew: tuple[str, str],
+    views: Sequence[View],
+    product: Product,
+    facts: Mapping[str, Any],
+) -> None:
+    """Replay the episodes with one crew; render and export each view.
+
+    Args:
+        run: where.
+        scenes: rows of the repair stage by scene id.
+        crew: robot and controller.
+        views: what to render.
+        facts: options for the provenance.
+    """
+    folder, (robot, controller) = run.folder, crew
+    config = _config(run, robot, controller)
+    label = replay.label_of(run.context.ledger, config)
+    walks = _walks(run, asked, scenes, config, label)
+    rollouts: dict[str, Row] | None = None
+    for view in views:
+        dataset = export.Dataset.under(folder.root, robot, label, view.name)
+        renders = partial(_renders, run, scenes, view, product)
+        of_view = f" {view.kind} {view.light}" if len(views) > 1 else ""
+        exports = partial(
+            export.items,
+            root=folder.root,
+            scenes=folder.scenes,
+            dataset=dataset,
+            depth_storage=product.depth_storage,
+            per_instruction=run.per_instruction,
+            mcap=product.mcap,
+        )
+        together.run(
+            run.context,
+            asked,
+            walks,
+            renders,
+            exports,
+            only_success=product.only_success,
+            label=f"{robot} {label}{of_view}",
+        )
+        if rollouts is None:
+            rollouts = run.stage(replay.STAGE, walks, f"{robot}/{label}/").good()
+            run.context.ledger.record_new(folder.models)
+        frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
+        summaries = export.run(
+            run.context,
+            exports(export.wanted(frames, product.only_success)),
+            folder.scenes,
+            dataset,
+            {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
+        )
+        run.summaries.extend(summaries)
+
+
+def _renders(
+    run: Run, scenes: Mapping[str, Row], view: View, product: Product, rollouts: Mapping[str, Row]
+) -> list[WorkItem]:
+    folder = run.folder
+    return render.items(
+        render.Recorded(rollouts, folder.root, scenes, folder.scenes),
+        view,
+        product.frames_per_second,
+        folder.frames,
+        folder.root,
+        product.rgb_codec,
+        product.extras,
+    )
+
+
+def _model_usage(ledger: Ledger) -> dict[str, Any]:
+    """Return requests, tokens and cost of the language model; empty without one."""
+    # Of all models that write or name; they count in one file.
+    return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
+
+
+def _config(run: Run, robot: str, controller: str) -> ReplayConfig:
+    return replay.config(kept(robot, run.folder.root), controller, run.seed, run.actions)
+
+
+def _recorded_config(run: Run, robot: str, label: str) -> ReplayConfig:
+    """Return the settings of the rollouts that are kept under a label."""
+    for row in run.context.ledger.rows(replay.STAGE):
+        if row.item.startswith(f"{robot}/{label}/") and "seed" in row.facts:
+            actions, facts = row.facts["actions"], row.facts
+            timing = action_timing(**actions) if actions else run.actions
+            reference = kept(robot, run.folder.root)
+            return replay.config(reference, facts["controller"], facts["seed"], timing)
+    return _config(run, robot, label)
+
+
+def _walks(
+    run: Run,
+    asked: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    config: ReplayConfig,
+    label: str,
+) -> list[WorkItem]:
+    folder = run.folder
+    where = (folder.scenes, folder.rollouts, folder.models)
+    return replay.items(asked, scenes, *where, config, label)
+
+
+def _agree(
+    ledger: Ledger, rows: Sequence[Row], asked: Sequence[Episode], items: Sequence[WorkItem]
+) -> bool:
+    """Return whether rows are walks of `items`, or of further paths walked in the same way."""
+    named = {item.name: item for item in items}
+    ways = [
+        _without_episode({name: part.digest for name, part in parts_of(i.inputs, i.job).items()})
+        for i in {e.scene_id: i for e, i in zip(asked, items, strict=True)}.values()
+    ]
+    return any(row.item in named for row in rows) and all(
+        _is_current(ledger, named[row.item])
+        if row.item in named
+        else _without_episode(row.parts) in ways
+        for row in rows
+    )
+
+
+def _without_episode(parts: Mapping[str, str]) -> dict[str, str]:
+    return {name: digest for name, digest in parts.items() if not name.startswith("Episode ")}
+
+
+def _is_current(ledger: Ledger, item: WorkItem) -> bool:
+    """Return whether an earlier run did, or failed at, exactly this item."""
+    row = ledger.row(replay.STAGE, item.name)
+    broken = row is not None and row.status == "quarantined" and row.key == item.key
+    return broken or ledger.is_done(replay.STAGE, item.name, item.key)

@@ -1,0 +1,1 @@
+"""Conversion between dataset formats: items and jobs."""

@@ -1,0 +1,125 @@
+"""What is to be converted, and stage `unit`: each of its episodes as a unit."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ....formats.convert.dataset import open_dataset
+from ....formats.core.errors import FileFormatError
+from ....formats.internnav import layout
+from ....formats.internnav.reader import find_scenes, is_layout
+from ....formats.untrusted.files import check_input
+from ...engine.work import Job, WorkItem, digest, work_item
+from .jobs import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options
+
+UNIT_STAGE = "unit"
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where episodes come from.
+
+    Attributes:
+        path: what the user gave.
+        name: of the dataset that comes out; several scans give several.
+    """
+
+    path: Path
+    kind: Kind
+    name: str
+
+
+def detect(path: Path) -> Source:
+    """Return what kind of data `path` contains.
+
+    Raises:
+        FileFormatError: nothing that can be converted.
+    """
+    if not path.is_dir():
+        check_input(path)
+        if path.suffix != ".mcap":
+            raise FileFormatError(path, "neither a folder nor an .mcap file")
+        return Source(path, Kind.MCAP, path.resolve().stem)
+    name = path.resolve().name
+    if (path / "meta" / "episodes").is_dir():
+        return Source(path, Kind.LEROBOT, name)
+    if any(path.glob("*.mcap")):
+        return Source(path, Kind.MCAP, name)
+    if is_layout(path):
+        return Source(path, Kind.N1, name)
+    raise FileFormatError(
+        path,
+        "nothing to convert; valid: a folder of .mcap files, a LeRobot v3 dataset, "
+        "InternData-N1's VLN-PE layout",
+    )
+
+
+def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[WorkItem]]:
+    """Return the items that write units, by the name of the dataset they belong to."""
+    groups: dict[str, list[WorkItem]] = {}
+
+    def add(name: str, episode: str, seen: Any, job: Job) -> None:
+        out = units / name / episode
+        inputs = (seen, episode, options)
+        item = work_item(UNIT_STAGE, f"{name}/{episode}", job, (out,), *inputs)
+        groups.setdefault(name, []).append(item)
+
+    path = source.path.resolve()
+    if source.kind is Kind.MCAP:
+        for file in [path] if path.is_file() else sorted(path.glob("*.mcap")):
+            out = units / source.name / file.stem
+            add(source.name, file.stem, _seen([file]), McapUnitJob(file, out))
+    elif source.kind is Kind.LEROBOT:
+        opened = open_dataset(path)
+        # Digested once: the list of a large dataset is long, and it is in every episode's key.
+        seen = digest(_seen(f for f in sorted(path.rglob("*")) if f.is_file()))
+        for number in opened.episodes:
+            episode = f"episode_{number:06d}"
+            out = units / source.name / episode
+            add(source.name, episode, seen, DatasetUnitJob(path, number, out))
+    else:
+        scenes = find_scenes(path)
+        scans = {scene.scan for scene in scenes}
+        for scene in scenes:
+            name = source.name if len(scans) == 1 else f"{source.name}-{scene.scan}"
+            relative = "-".join(scene.folder.resolve().relative_to(path).parts) or scene.scene
+            for number in scene.episodes:
+                episode = f"{relative}-{number:06d}"
+                seen = _seen(_layout_files(scene.folder, number))
+                out = units / name / episode
+                add(name, episode, seen, LayoutUnitJob(scene, number, out, name, options))
+    if not groups:
+        raise FileFormatError(source.path, "contains no episodes")
+    return groups
+
+
+def _layout_files(folder: Path, number: int) -> list[Path]:
+    names = {"episode_chunk": number // layout.EPISODES_PER_CHUNK, "episode_index": number}
+    return [
+        folder / layout.DATA_PATH.format(**names),
+        *(
+            folder / layout.VIDEO_PATH.format(video_key=key, **names)
+            for key in (layout.RGB_KEY, layout.DEPTH_KEY)
+        ),
+        *(
+            folder / name
+            for name in (
+                layout.INFO_PATH,
+                layout.TASKS_PATH,
+                layout.EPISODES_PATH,
+                layout.STATS_PATH,
+                layout.UNITS_PATH,
+                layout.DATASET_PATH,
+            )
+        ),
+    ]
+
+
+def _seen(files: Iterable[Path]) -> list[Any]:
+    """Return what identifies files without reading gigabytes: their sizes and times."""
+    found: list[Any] = []
+    for path in files:
+        status = path.stat() if path.is_file() else None
+        found.append([str(path), *((status.st_size, status.st_mtime_ns) if status else ())])
+    return found

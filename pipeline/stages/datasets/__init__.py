@@ -1,0 +1,1 @@
+"""LeRobot datasets and MCAP files of rollouts: items and jobs."""

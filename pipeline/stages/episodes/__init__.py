@@ -1,0 +1,1 @@
+"""Aligned, filtered and sampled episodes: items and jobs."""

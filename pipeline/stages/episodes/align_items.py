@@ -1,0 +1,116 @@
+"""Stages `filter` and `align`: from users' VLN-CE files to episodes in repaired scenes."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from ....formats.core.atomic import file_digest
+from ....formats.vlnce.files import read_vlnce
+from ....trajectory_sampler.align_config import AlignConfig
+from ....trajectory_sampler.stairs import GEOMETRIC, StairRules
+from ...engine.ledger import Ledger, Row
+from ...engine.runner import StageSummary
+from ...engine.work import WorkItem, work_item
+from .jobs import AlignJob, FilterJob
+
+STAGE = "align"
+FILTER_STAGE = "filter"
+
+
+def filter_item(
+    source: Path,
+    out: Path,
+    rules: StairRules,
+    scenes: Mapping[str, Row] | None = None,
+    scenes_folder: Path | None = None,
+) -> WorkItem:
+    """Filter the stair episodes out of a VLN-CE file.
+
+    Args:
+        source: the user's file.
+        scenes: rows of the repair stage by scene id, for the rule `geometric`.
+        scenes_folder: of the repaired scenes.
+
+    Raises:
+        FileFormatError: not an episode file.
+    """
+    read_vlnce(source)  # say at once what is wrong with the user's file
+    known = (scenes or {}) if GEOMETRIC in rules.rules else {}
+    folders = {name: scenes_folder / name for name in known} if scenes_folder else {}
+    job = FilterJob(source, out, rules, folders)
+    made_of = {"file": file_digest(source), "scenes": {n: row.key for n, row in known.items()}}
+    return work_item(FILTER_STAGE, source.name, job, (out,), rules, **made_of)
+
+
+def items(
+    sources: Mapping[Path, str],
+    scenes: Mapping[str, Row],
+    folder: Path,
+    outs: Mapping[str, Path],
+    config: AlignConfig,
+) -> list[WorkItem]:
+    """Return one item per file and scene that it names and that was repaired.
+
+    Args:
+        sources: what each file's content depends on, by file.
+        scenes: rows of the repair stage by scene id.
+        folder: of the repaired scenes.
+        outs: filled with the episode file of each item, by its name.
+        config: tolerances, and the footprint of the widest robot.
+    """
+    result = []
+    for source, made in sources.items():
+        file = read_vlnce(source)
+        named = {episode.scene_stem for episode in file.episodes}
+        for scene in sorted(named & scenes.keys()):
+            name = part_name(file.split, scene, len(sources))
+            job = AlignJob(source, {scene: folder / scene}, outs[name], config)
+            inputs = (made, scenes[scene].key, config)
+            result.append(work_item(STAGE, name, job, (outs[name],), *inputs))
+    return result
+
+
+def part_name(split: str, scene: str, files: int) -> str:
+    """Return the name of one scene's share of a file.
+
+    Of one among several files, with its split.
+    """
+    return scene if files == 1 else f"{split}@{scene}"
+
+
+def scene_of_part(name: str) -> str:
+    """Return the scene of a share that `part_name` named."""
+    return name.rsplit("@", 1)[-1]
+
+
+def record_rejected(
+    ledger: Ledger,
+    filtered: StageSummary,
+    aligned: StageSummary,
+    sources: Mapping[Path, str],
+    scenes: Mapping[str, Row],
+) -> None:
+    """Quarantine, episode by episode, what could not be read or aligned, or has no scene."""
+    count = len(sources)
+    for row in filtered.good().values():
+        for _, name, reason in row.facts.get("bad", ()):
+            name = _named(row.facts["split"], name, count)
+            ledger.add(filtered.quarantined_episode(name, "FileFormatError", reason))
+    for row in aligned.good().values():
+        for name, reason in row.facts["rejected"]:
+            name = _named(row.facts["split"], name, count)
+            ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
+    known = ", ".join(sorted(scenes)) or "none"
+    for source in sources:
+        file = read_vlnce(source)
+        for episode in file.episodes:
+            if episode.scene_stem not in scenes:
+                reason = (
+                    f"scene {episode.scene_id!r} was not given or not repaired; repaired: {known}"
+                )
+                name = _named(file.split, str(episode.episode_id), count)
+                ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
+    ledger.save()
+
+
+def _named(split: str, name: str, files: int) -> str:
+    return name if files == 1 else f"{split}/{name}"

@@ -1,0 +1,1 @@
+"""Closed-loop evaluation and its report: items and jobs."""

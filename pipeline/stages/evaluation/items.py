@@ -1,0 +1,65 @@
+"""Stage `evaluate`: episodes in closed loop, in a folder of their own."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from ....collectors.replay.replay import ReplayConfig
+from ....evaluation.policy_registry import PolicyChoice
+from ....formats.core.episode import Episode
+from ....rendering.camera.views import View
+from ....rendering.registry import scene_renderer_name
+from ...engine.ledger import Row
+from ...engine.work import WorkItem, work_item
+from ..rollouts.replay_items import (
+    STAGE as STAGE,  # its rollouts are rendered and exported like any others
+)
+from ..rollouts.replay_items import walk_names, walker
+from .job import EvaluateJob
+
+
+def items(
+    episodes: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    scenes_folder: Path,
+    root: Path,
+    *,
+    config: ReplayConfig,
+    policy: PolicyChoice,
+    identity: str,
+    view: View,
+    actions: str,
+) -> list[WorkItem]:
+    """Return one item per episode.
+
+    Args:
+        scenes: rows of the repair stage by scene id.
+        policy: as the user has chosen it.
+        identity: what the policy is now; see `PolicyChoice.identity`.
+    """
+    who, result = walker(config), []
+    drawn_by = renderers(episodes, scenes_folder, view.renderer)
+    for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
+        out = root / f"{name}.mcap"
+        scene = scenes_folder / episode.scene_id
+        seen = replace(view, renderer=drawn_by[episode.scene_id])
+        models = root / "models"
+        job = EvaluateJob(
+            scene=scene,
+            episode=episode,
+            config=config,
+            policy=policy,
+            view=seen,
+            actions=actions,
+            models=models,
+            out=out,
+        )
+        inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)
+        result.append(work_item("evaluate", name, job, (out,), *inputs))
+    return result
+
+
+def renderers(episodes: Sequence[Episode], scenes_folder: Path, renderer: str) -> dict[str, str]:
+    """Return the renderer of each scene of the episodes by scene id; see `scene_renderer_name`."""
+    names = sorted({episode.scene_id for episode in episodes})
+    return {name: scene_renderer_name(scenes_folder / name, renderer) for name in names}

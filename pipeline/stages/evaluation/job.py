@@ -1,0 +1,73 @@
+"""Let a policy walk one episode in closed loop."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+from ....collectors.replay.replay import ReplayConfig
+from ....evaluation.episode import evaluate_episode
+from ....evaluation.observation import Eye
+from ....evaluation.policy import Policy
+from ....evaluation.policy_names import ORACLE
+from ....evaluation.policy_registry import PolicyChoice
+from ....formats.core.episode import Episode
+from ....rendering.camera.views import View
+from ...engine.work import ItemResult
+from ..rollouts.render_job import scene_renderer
+from ..rollouts.replay_job import open_level, store
+
+
+@dataclass(frozen=True)
+class EvaluateJob:
+    """Let a policy walk one episode and record it.
+
+    Attributes:
+        policy: as the user has chosen it.
+        models: folder where compiled models are kept.
+    """
+
+    scene: Path
+    episode: Episode
+    config: ReplayConfig
+    policy: PolicyChoice
+    view: View
+    actions: str
+    models: Path
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Evaluate one episode.
+
+        Raises:
+            PolicyError: the policy failed, or what it answered is no action.
+            DivergedError: physics exploded.
+        """
+        world = open_level(self.scene, self.episode, self.config, self.models)
+        policy: Policy | None = None
+        eye: Eye | None = None
+        if self.policy.name != ORACLE:
+            policy = _made(self.policy, self.config.seed)
+            if not policy.blind:
+                _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
+                eye = Eye(world, self.view, renderer)
+        rollout = evaluate_episode(world, self.episode, self.config, policy, eye, kind=self.actions)
+        rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy.name})
+        result = store(rollout, self.scene.name, self.config, self.out)
+        more = {
+            "policy": self.policy.name,
+            "split": self.episode.split,
+            "trajectory": self.episode.trajectory_id,
+            "instruction": self.episode.instruction,
+            "taken": [int(span.action) for span in rollout.actions],
+        }
+        for count in ("unclear", "left_out"):
+            if hasattr(policy, count):
+                more[count] = getattr(policy, count)
+        # Whatever the policy does is a result: missing the goal is no failure of the item.
+        return replace(result, facts={**result.facts, **more}, failed=False)
+
+
+@lru_cache(maxsize=1)
+def _made(policy: PolicyChoice, seed: int) -> Policy:
+    """Return a policy; a worker keeps it, with the connection to its server."""
+    return policy.make(seed)

@@ -1,0 +1,26 @@
+"""Apply the decisions of `vlnpe review` to a rollout before it is exported."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from ....formats.core.errors import VlnpeError
+from ....formats.core.rollout import Rollout
+from ....instruction_gen.review.decisions import DecisionFile, apply_decisions
+from ..rollouts.handover import rollout_at
+
+REVIEW_NAME = "review.jsonl"  # in the run folder
+
+
+def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
+    """Return a rollout whose episode has the instructions that reviewers accepted or edited.
+
+    Raises:
+        VlnpeError: they rejected all of them.
+    """
+    recorded = rollout_at(rollout)
+    if not review.is_file():
+        return recorded
+    kept, lost = apply_decisions([recorded.episode], DecisionFile(review))
+    if lost:
+        raise VlnpeError(f"rejected in review: {lost[recorded.episode.episode_id]}")
+    return replace(recorded, episode=kept[0])

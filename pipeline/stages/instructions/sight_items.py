@@ -1,0 +1,106 @@
+"""Stages `look` and `name`: what is seen along the paths, for the instructions.
+
+The robot's own camera sees it; in scenes without labels a vision-language model says what it is.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ....collectors.robots import get_robot
+from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
+from ....instruction_gen.llm.settings import LlmSettings
+from ...engine.ledger import Row
+from ...engine.run_folder import SightFiles
+from ...engine.work import WorkItem, work_item
+from ..episodes.align_items import scene_of_part
+from .name_things import NameThingsJob
+from .visibility import LookJob
+
+STAGE = "look"
+NAME_STAGE = "name"
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How the paths of scenes are looked at before they are instructed.
+
+    Attributes:
+        scenes: folder of repaired scenes.
+        files: where the records go.
+        robot: name or folder of the robot whose camera looks.
+        every: look also along paths that have an instruction already.
+    """
+
+    scenes: Path
+    files: SightFiles
+    robot: str
+    every: bool
+
+    def look(self, source: Row, episodes: Path) -> WorkItem:
+        """Return the item that looks along the paths of one scene.
+
+        Args:
+            source: row of the stage that made `episodes`.
+        """
+        spec, out = get_robot(self.robot), self.files.seen(source.item)
+        scene = self.scenes / scene_of_part(source.item)
+        job = LookJob(scene, episodes, out, self.robot, self.every)
+        inputs = (source.key, spec.name, spec.content_sha256, self.every)
+        return work_item(STAGE, source.item, job, (out,), *inputs)
+
+    def name(
+        self, scene: str, episodes: Sequence[Path], model: LlmSettings, cache: Path, *made_of: str
+    ) -> WorkItem:
+        """Return the item that names the things and rooms of one scene.
+
+        Args:
+            cache: folder of the model's answers.
+            made_of: keys of the items that made the scene and the episodes.
+        """
+        spec, out = get_robot(self.robot), self.files.named(scene)
+        job = NameThingsJob(
+            scene=self.scenes / scene,
+            episodes=tuple(episodes),
+            settings=model,
+            robot=self.robot,
+            every=self.every,
+            cache=cache,
+            out=out,
+        )
+        prompts = prompts_sha256(SIGHT_PROMPTS)
+        inputs = (*made_of, model, spec.name, spec.content_sha256, self.every, prompts)
+        return work_item(NAME_STAGE, scene, job, (out,), *inputs)
+
+
+def was_asked(row: Row) -> bool:
+    """Return whether the model was asked about a scene: those with labels need none."""
+    return "language_model" in row.facts
+
+
+def model_usage(rows: Iterable[Row]) -> dict[str, Any]:
+    """Return requests, tokens and cost so far; empty if no scene needed any."""
+    used = [row.facts.get("language_model") or {} for row in rows]
+    return max(used, key=lambda one: one.get("requests", 0), default={})
+
+
+def naming_report(rows: Iterable[Row]) -> list[str]:
+    """Return one line for each scene: what was named, or that it has labels."""
+    return [f"{row.item}: {_line(row)}\n" for row in rows if row.status == "done"]
+
+
+def _line(row: Row) -> str:
+    facts = row.facts
+    if facts["labelled"]:
+        return "has labels of its own; the vision-language model was not asked"
+    if not was_asked(row):
+        return "all paths have instructions; the vision-language model was not asked"
+    asked = (facts["asked_for_things"], facts["asked_for_rooms"])
+    frames, unknown, unanswered = (
+        sum(one[key] for one in asked) for key in ("frames", "unknown", "unanswered")
+    )
+    left_out = f"; {unknown} unknown names were left out" if unknown else ""
+    left_out += f"; {unanswered} had no usable answer" if unanswered else ""
+    named = f"{facts['things']} things and {facts['rooms']} rooms"
+    return f"{named} named by the vision-language model in {frames} requests{left_out}"

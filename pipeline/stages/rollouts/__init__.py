@@ -1,0 +1,1 @@
+"""Replayed and rendered rollouts: items and jobs."""

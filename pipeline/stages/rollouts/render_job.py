@@ -1,0 +1,84 @@
+"""Render a recorded rollout."""
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from ....collectors.robots import get_robot
+from ....formats.core.atomic import atomic_folder
+from ....formats.scene.bundle import SceneBundle, load_bundle
+from ....formats.splats.store import has_splats
+from ....formats.vlnce.groups import per_instruction
+from ....rendering.camera.extras import Extras
+from ....rendering.camera.rollout_views import DEPTH_VIDEO, render_rollout
+from ....rendering.camera.views import View
+from ....rendering.interface import Renderer
+from ....rendering.registry import make_renderer
+from ...engine.work import ItemResult
+from .handover import DepthKeeper, rollout_at
+
+
+@dataclass(frozen=True)
+class RenderJob:
+    """Render one rollout into a frame folder.
+
+    Attributes:
+        scene: folder of the repaired scene.
+        rollout: rollout file.
+        relative: the same, relative to the folder of the ledger that records this item.
+        rgb_codec: key of `RGB_CODECS`.
+        depth: is left the depth codes.
+    """
+
+    scene: Path
+    rollout: Path
+    relative: str
+    robot: str
+    view: View
+    frames_per_second: int
+    rgb_codec: str
+    extras: Extras
+    out: Path
+    depth: DepthKeeper = field(default_factory=DepthKeeper, compare=False)
+
+    def run(self) -> ItemResult:
+        """Render one rollout."""
+        bundle, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
+        recorded = rollout_at(self.rollout)
+        with atomic_folder(self.out) as temporary:
+            count = render_rollout(
+                bundle,
+                renderer,
+                recorded,
+                self.view,
+                temporary,
+                self.frames_per_second,
+                codec=self.rgb_codec,
+                robot=get_robot(self.robot),
+                extras=self.extras,
+                on_depth=self.depth.add,
+            )
+        self.depth.end(self.out / DEPTH_VIDEO)
+        facts = {
+            "frames": count,
+            "rollout": self.relative,
+            "scene": self.scene.name,
+            "split": recorded.episode.split,
+            "texts": len(per_instruction(recorded.episode)),
+            "end_reason": str(recorded.end_reason),
+            "frames_per_second": self.frames_per_second,
+        }
+        return ItemResult(facts)
+
+
+@lru_cache(maxsize=1)
+def scene_renderer(
+    scene: Path, name: str = "", light: str = "baked"
+) -> tuple[SceneBundle, Renderer]:
+    """Return a repaired scene and its renderer; each worker keeps the last one, slow to load.
+
+    Without a name it is `splat` in scenes of splats, else `embree`.
+    """
+    bundle = load_bundle(scene)
+    name = name or ("splat" if has_splats(scene) else "embree")
+    return bundle, make_renderer(bundle, name, light=light)

@@ -1,0 +1,129 @@
+"""Stage `replay`: physics, no pixels."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ....collectors.controllers import SpeedConfig, get_controller
+from ....collectors.locomotion.runtime.policy import policy_files
+from ....collectors.replay.replay import ReplayConfig
+from ....collectors.robots import get_robot
+from ....formats.core.atomic import file_digest
+from ....formats.core.episode import Episode
+from ...engine.ledger import Ledger, Row
+from ...engine.run_folder import file_names
+from ...engine.work import WorkItem, digest, work_item
+from .replay_job import ReplayJob, actions
+
+STAGE = "replay"
+STUCK_ACTIONS = 50
+
+
+def config(robot: str, controller: str, seed: int, timing: SpeedConfig) -> ReplayConfig:
+    """Return the settings of a replay; `timing` matters to the controller `speed` alone."""
+    plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
+    if controller != "speed":
+        return plain
+    # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
+    if timing.end_on_displacement:
+        outcome = replace(plain.outcome, stuck_actions=STUCK_ACTIONS)
+    else:
+        outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * timing.steps_per_action)
+    return replace(plain, speed=timing, outcome=outcome)
+
+
+def items(
+    episodes: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    scenes_folder: Path,
+    rollouts: Path,
+    models: Path,
+    config: ReplayConfig,
+    label: str = "",
+) -> list[WorkItem]:
+    """Return one item per episode of one robot under one controller.
+
+    Args:
+        scenes: rows of the repair stage by scene id.
+        models: folder where compiled models are kept.
+        label: see `label_of`; by default the controller's name.
+    """
+    who, result = walker(config), []
+    for episode, name in zip(episodes, walk_names(episodes, config, label), strict=True):
+        out = rollouts / f"{name}.mcap"
+        job = ReplayJob(scenes_folder / episode.scene_id, episode, config, models, out)
+        inputs = (episode, scenes[episode.scene_id].key, *who)
+        result.append(work_item(STAGE, name, job, (out,), *inputs))
+    return result
+
+
+def walker(config: ReplayConfig) -> tuple[ReplayConfig, str | None, list[str] | None]:
+    """Return what of a robot and its settings decides a rollout, for keys.
+
+    A user's own robot is known by what is in its folder, not by where that lies; each robot's
+    rollouts depend on its own gait alone.
+    """
+    robot = get_robot(config.robot)
+    gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
+    return replace(config, robot=robot.name), robot.content_sha256, gait
+
+
+def gait_digest(config: ReplayConfig) -> str | None:
+    """Return the digest of the gait that walks; None where none does."""
+    *_, gait = walker(config)
+    return digest(gait) if gait and not get_controller(config.controller).teleports else None
+
+
+def label_of(ledger: Ledger, config: ReplayConfig) -> str:
+    """Return the name under which rollouts of a robot and its settings are kept.
+
+    That is the controller's, unless an earlier run in the folder used it for another seed or other
+    discrete actions: then what differs follows, so that neither replaces the other.
+    """
+    robot, now = get_robot(config.robot).name, _setting(config.seed, actions(config))
+    taken: dict[str, dict[str, object]] = {}
+    for row in ledger.all_rows(STAGE):
+        owner, label, _ = row.item.split("/", 2)
+        if owner == robot and row.facts.get("controller") == config.controller:
+            taken[label] = _setting(row.facts.get("seed", 0), row.facts.get("actions") or {})
+    same = [label for label, setting in taken.items() if setting == now]
+    if same or config.controller not in taken:
+        return same[0] if same else config.controller
+    first = taken[config.controller]
+    changed = [f"{name}-{now[name]}" for name in sorted(now) if now[name] != first.get(name)]
+    return "-".join([config.controller, *changed])
+
+
+def _setting(seed: int, actions: Mapping[str, Any]) -> dict[str, object]:
+    if not actions:
+        return {"seed": seed}
+    loop = "closed" if actions["closed_loop"] else "open"
+    return {"seed": seed, "loop": loop, "steps": actions["steps"]}
+
+
+def walk_names(episodes: Sequence[Episode], config: ReplayConfig, label: str = "") -> list[str]:
+    """Return the name of each episode's item: robot, label, and `item_names`."""
+    folder = f"{get_robot(config.robot).name}/{label or config.controller}"
+    return [f"{folder}/{name}" for name in item_names(episodes)]
+
+
+def item_names(episodes: Sequence[Episode]) -> list[str]:
+    """Return a file name of its own for each episode: its id, where that is unique.
+
+    Episodes of the same id have their split before it, those of the same split their scene, too,
+    and those of the same scene are counted.
+    """
+    count = Counter(episode.episode_id for episode in episodes)
+    labels = [
+        e.episode_id if count[e.episode_id] == 1 else f"{e.split}-{e.episode_id}" for e in episodes
+    ]
+    for further in (lambda e, label: f"{e.scene_id}-{label}", None):
+        count = Counter(labels)
+        seen: Counter[str] = Counter()
+        for k, label in enumerate(labels):
+            if count[label] > 1:
+                seen[label] += 1
+                labels[k] = further(episodes[k], label) if further else f"{label}~{seen[label]}"
+    return file_names(labels)

@@ -1,0 +1,77 @@
+"""Rays of pixels. Directions have length 1 along the optical axis, so that t is planar depth."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...formats.core.kernel import kernel
+
+# Samples around the centre, whose ray is traced anyway: all four differ in row and in column.
+SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)
+
+
+@kernel()
+def fill_directions(
+    rotation: NDArray[np.float64],
+    focal_px: float,
+    width: int,
+    height: int,
+    out: NDArray[np.float32],
+) -> None:
+    """Write the world directions of all pixel centres, row by row.
+
+    Args:
+        rotation: (3, 3) optical axes (columns x right, y down, z forward) in the world.
+        focal_px: focal length [px].
+        width: image width [px].
+        height: image height [px].
+        out: (height · width, 3), written.
+    """
+    k = 0
+    for row in range(height):
+        y = (row + 0.5 - 0.5 * height) / focal_px
+        for column in range(width):
+            x = (column + 0.5 - 0.5 * width) / focal_px
+            for axis in range(3):
+                out[k, axis] = rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
+            k += 1
+
+
+@kernel()
+def subpixel_directions(
+    pixels: NDArray[np.int32],
+    subpixels: NDArray[np.float32],
+    rotation: NDArray[np.float64],
+    focal_px: float,
+    width: int,
+    height: int,
+) -> NDArray[np.float32]:
+    """Return the world directions (K · S, 3) of S samples in each of K pixels.
+
+    Args:
+        pixels: (K,) row-major pixel indices.
+        subpixels: (S, 2) offsets from the centre [px].
+        rotation: (3, 3) optical axes in the world.
+        focal_px: focal length [px].
+        width: image width [px].
+        height: image height [px].
+    """
+    samples = subpixels.shape[0]
+    out = np.empty((pixels.shape[0] * samples, 3), dtype=np.float32)
+    for i in range(pixels.shape[0]):
+        row = pixels[i] // width
+        column = pixels[i] - row * width
+        for s in range(samples):
+            x = (column + 0.5 + subpixels[s, 0] - 0.5 * width) / focal_px
+            y = (row + 0.5 + subpixels[s, 1] - 0.5 * height) / focal_px
+            for axis in range(3):
+                out[i * samples + s, axis] = (
+                    rotation[axis, 0] * x + rotation[axis, 1] * y + rotation[axis, 2]
+                )
+    return out
+
+
+def list_order(count: int, *, lanes: int) -> NDArray[np.int32]:
+    """Return rays 0 … count − 1 in order, padded to whole packets of `lanes` rays with −1."""
+    order = np.full(-(-count // lanes) * lanes, -1, dtype=np.int32)
+    order[:count] = np.arange(count)
+    return order

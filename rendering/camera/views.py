@@ -1,0 +1,252 @@
+"""Views of a rollout: from the robot's own camera, from behind it, from above."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...collectors.robots import RobotSpec, get_robot
+from ...formats.core.camera import CameraModel
+from ...formats.core.errors import InputError, check_name
+from ...formats.core.frames import matrix_to_quat
+from ...formats.core.rollout import Rollout
+from ..interface import Renderer
+from ..scene.robot_body import RobotBody
+from .chase import chase_poses
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Camera poses of N frames.
+
+    Attributes:
+        position_world_m: (N, 3) optical centre [m].
+        quat_wxyz: (N, 4) optical frame to world.
+        cut_above_m: (N,) world z above which the scene is left out; inf = nothing.
+    """
+
+    position_world_m: Array
+    quat_wxyz: Array
+    cut_above_m: Array
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What a view kind needs to compute its camera poses."""
+
+    rollout: Rollout
+    samples: NDArray[np.int64]
+    camera: CameraModel
+    robot: RobotSpec
+    body: RobotBody
+    renderer: Renderer
+
+
+@dataclass(frozen=True)
+class ViewKind:
+    """One kind of view.
+
+    Attributes:
+        default_camera: function that returns the default intrinsics for a robot.
+        path: function that computes the camera poses.
+        onboard: whether it is the robot's own camera, which carries its lamp.
+    """
+
+    default_camera: Callable[[RobotSpec], CameraModel]
+    path: Callable[[Shot], CameraPath]
+    onboard: bool = False
+
+
+@dataclass(frozen=True)
+class View:
+    """Camera, light and renderer of a rendering.
+
+    Attributes:
+        kind: key of `VIEWS`.
+        height_m: height of an `ego` camera above the floor of the standing robot; None = the
+            robot's own.
+        pitch_down_deg: its downward tilt [deg]; None = the robot's own.
+    """
+
+    kind: str
+    camera: CameraModel
+    light: str = "baked"
+    renderer: str = "embree"
+    height_m: float | None = None
+    pitch_down_deg: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Folder name: kind, resolution, field of view, moved camera, and light."""
+        c = self.camera
+        size = f"{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg"
+        return f"{self.kind}-{size}{self.moved}-{self.light}"
+
+    @property
+    def moved(self) -> str:
+        """Part of the name that tells height and pitch; empty for the robot's own."""
+        height = "" if self.height_m is None else f"-{self.height_m:g}m"
+        return height + ("" if self.pitch_down_deg is None else f"-pitch{self.pitch_down_deg:g}")
+
+    @property
+    def shows_robot(self) -> bool:
+        """Whether the robot's body is drawn; a camera moved off its mount may stand inside it."""
+        return self.height_m is None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraOverrides:
+    """What replaces intrinsics and mounting of a view kind; None = the kind's default.
+
+    Height and pitch are those of `View`, and move `ego` cameras only.
+    """
+
+    width_px: int | None = None
+    height_px: int | None = None
+    hfov_deg: float | None = None
+    height_m: float | None = None
+    pitch_down_deg: float | None = None
+
+    def check(self) -> None:
+        """Raise InputError if the camera cannot be mounted like that."""
+        if self.height_m is not None and not 0.05 <= self.height_m <= 3.0:
+            raise InputError(f"camera height {self.height_m:g} m; valid: 0.05 to 3")
+        if self.pitch_down_deg is not None and not -90.0 <= self.pitch_down_deg <= 90.0:
+            raise InputError(
+                f"camera pitch {self.pitch_down_deg:g}°; valid: -90 (up) to 90 (straight down)"
+            )
+
+
+def make_view(
+    kind: str,
+    robot: str | RobotSpec,
+    *,
+    width_px: int | None = None,
+    height_px: int | None = None,
+    hfov_deg: float | None = None,
+    light: str = "baked",
+    renderer: str = "embree",
+    height_m: float | None = None,
+    pitch_down_deg: float | None = None,
+) -> View:
+    """Return a view of kind `kind` of a robot or its name; None = the kind's default.
+
+    Height and pitch move `ego` cameras only.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+    """
+    check_name("camera", kind, VIEWS)
+    spec = get_robot(robot) if isinstance(robot, str) else robot
+    default = VIEWS[kind].default_camera(spec)
+    camera = CameraModel(
+        name=kind,
+        width_px=default.width_px if width_px is None else width_px,
+        height_px=default.height_px if height_px is None else height_px,
+        hfov_deg=default.hfov_deg if hfov_deg is None else hfov_deg,
+    )
+    mounting = (height_m, pitch_down_deg) if kind == "ego" else (None, None)
+    return View(kind, camera, light, renderer, *mounting)
+
+
+CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
+MAX_SIDE_PX = 8192
+
+
+def parse_views(
+    text: str, robot: str | RobotSpec, defaults: CameraOverrides, *, light: str, renderer: str
+) -> list[View]:
+    """Parse views like `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal FOV [deg].
+
+    Args:
+        text: one or more cameras, separated by commas.
+        defaults: intrinsics of cameras that do not specify their own, height and pitch of `ego`.
+
+    Raises:
+        UnknownNameError: no such kind or robot; the message lists the valid names.
+        InputError: a camera cannot be parsed, has a size that video codecs do not support, cannot
+            be mounted as `defaults` has it, or is given twice.
+    """
+    defaults.check()
+    views = []
+    for word in text.split(","):
+        found = CAMERA.fullmatch(word.strip())
+        if found is None:
+            raise InputError(
+                f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
+            )
+        view = make_view(
+            found["kind"],
+            robot,
+            width_px=int(found["width"]) if found["width"] else defaults.width_px,
+            height_px=int(found["height"]) if found["height"] else defaults.height_px,
+            hfov_deg=float(found["hfov"]) if found["hfov"] else defaults.hfov_deg,
+            light=light,
+            renderer=renderer,
+            height_m=defaults.height_m,
+            pitch_down_deg=defaults.pitch_down_deg,
+        )
+        views.append(view)
+        camera = view.camera
+        for side in (camera.width_px, camera.height_px):
+            if side % 2 or not 16 <= side <= MAX_SIDE_PX:
+                raise InputError(
+                    f"camera {word!r} has {camera.width_px} x {camera.height_px} px; "
+                    f"valid: even sides from 16 to {MAX_SIDE_PX}"
+                )
+        if not 1.0 <= camera.hfov_deg <= 170.0:
+            raise InputError(f"camera {word!r} has HFOV {camera.hfov_deg:g}°; valid: 1 to 170")
+    names = [view.name for view in views]
+    if len(set(names)) < len(names):
+        raise InputError(f"camera {text!r} contains a view twice; valid: each view once")
+    return views
+
+
+def _ego_path(shot: Shot) -> CameraPath:
+    poses = [
+        shot.body.camera_pose(
+            shot.robot.camera.name,
+            shot.rollout.position_world_m[i],
+            shot.rollout.quat_wxyz[i],
+            shot.rollout.joint_position_rad[i],
+        )
+        for i in shot.samples
+    ]
+    return CameraPath(
+        np.array([p for p, _ in poses]),
+        np.array([q for _, q in poses]),
+        np.full(len(poses), np.inf),
+    )
+
+
+def _chase_path(shot: Shot) -> CameraPath:
+    position, quat = chase_poses(
+        shot.rollout, shot.samples, shot.robot.base_height_m, shot.camera, shot.renderer
+    )
+    return CameraPath(position, quat, np.full(len(position), np.inf))
+
+
+TOP_HEIGHT_M = 9.0
+# Below the lintels of most doors, so that doorways are open from above.
+TOP_CUT_M = 2.0
+# Looking straight down, north (+y) up in the image.
+DOWN = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
+
+
+def _top_path(shot: Shot) -> CameraPath:
+    rollout, samples = shot.rollout, shot.samples
+    floor = rollout.floor_z_m[samples]
+    position = rollout.position_world_m[samples].copy()
+    position[:, 2] = floor + TOP_HEIGHT_M
+    return CameraPath(position, np.tile(matrix_to_quat(DOWN), (len(samples), 1)), floor + TOP_CUT_M)
+
+
+VIEWS: dict[str, ViewKind] = {
+    "ego": ViewKind(lambda robot: robot.camera.model, _ego_path, onboard=True),
+    "chase": ViewKind(lambda robot: CameraModel("chase", 640, 480, 75.0), _chase_path),
+    "top": ViewKind(lambda robot: CameraModel("top", 480, 480, 50.0), _top_path),
+}

@@ -1,0 +1,111 @@
+"""Arguments of the kernels: the scene, its light, and how to trace rays."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...geometry.rays.library import lanes
+from ...geometry.rays.packets import PacketScene, packet
+from ..scene.textures import TexturePack
+from .cube_grid import CubeGrid
+
+F32 = NDArray[np.float32]
+
+# All of LLVM's fast-math flags but those that assume that there are no infinities and NaNs.
+FAST = {"contract", "arcp", "nsz", "reassoc"}
+# Numba counts references to arrays with locked instructions, several for each array that a loop
+# touches; here these took nine tenths of the time. A kernel compiled so must create no arrays.
+UNCOUNTED = {"_nrt": False}
+
+
+class SceneArrays(NamedTuple):
+    """A scene as arrays for kernels.
+
+    Attributes:
+        face: (F, 16) what shading needs of each triangle, in one cache line:
+            gradients of the texture coordinates [1/m] (0–2, 3–5), texture coordinates of the first
+            corner (6, 7) and steps to the others (8–11), material (12).
+        base_linear: (M, 3) base colours in linear light.
+        texture: (M,) int32 index of the texture, −1 = none.
+        shaded: (M,) bool: whether the light falls on it; otherwise its texture is shown unchanged.
+    """
+
+    face: F32
+    base_linear: F32
+    texture: NDArray[np.int32]
+    shaded: NDArray[np.bool_]
+    pack: TexturePack
+
+
+class LightArrays(NamedTuple):
+    """A light as arrays for kernels.
+
+    Attributes:
+        room: `Light.parameters()`.
+        relit: whether light falls only from panels and the lamp, instead of the fixed room light.
+        grid: openness of corners under the fixed room light, else irradiance.
+        lamp: (8,) position [m], direction, strength, unused; strength 0 = no lamp.
+        lamp_apart: whether the lamp is not at the eye, so that its shadows are visible.
+    """
+
+    room: F32
+    relit: bool
+    grid: CubeGrid
+    lamp: F32
+    lamp_apart: bool
+
+
+class Packets(NamedTuple):
+    """One packet of rays on its way through a kernel, and how to trace it.
+
+    Attributes:
+        scene: address of Embree's scene.
+        arguments: RTCIntersectArguments of a packet call.
+        size: rays per packet.
+        rays, bits: the packet, and the same memory as int32; see `packets.packet`.
+        shadow_rays, shadow_bits: the packet of its shadow rays, likewise.
+        starts: (16,) ray parameters of the rays' origins.
+        known: (16,) rays traced before whose colours the rays get, −1 = none.
+        taps: (16,) taps of the texture footprints.
+        samples: (16, 5) u, v, mip level, and the longer side of the footprints.
+    """
+
+    scene: int
+    arguments: NDArray[np.int32]
+    size: int
+    rays: F32
+    bits: NDArray[np.int32]
+    shadow_rays: F32
+    shadow_bits: NDArray[np.int32]
+    starts: F32
+    known: NDArray[np.int32]
+    taps: NDArray[np.int32]
+    samples: F32
+
+    @classmethod
+    def of(cls, scene: PacketScene) -> "Packets":
+        """Allocate the packets for a scene."""
+        rays, shadow_rays = packet(), packet()
+        return cls(
+            scene.handle, scene.arguments, lanes(),
+            rays, rays.view(np.int32), shadow_rays, shadow_rays.view(np.int32),
+            np.zeros(16, dtype=np.float32), np.zeros(16, dtype=np.int32),
+            np.zeros(16, dtype=np.int32), np.zeros((16, 5), dtype=np.float32),
+        )  # fmt: skip
+
+
+class Hits(NamedTuple):
+    """What N rays show.
+
+    Attributes:
+        color: (N, 3) linear light.
+        depth: (N,) planar depth [m]; inf = nothing.
+        surface: (N,) material; −1 = nothing, less = a part of the robot.
+        prim: (N,) triangle of the scene; −1 = nothing.
+    """
+
+    color: F32
+    depth: F32
+    surface: NDArray[np.int32]
+    prim: NDArray[np.int32]
