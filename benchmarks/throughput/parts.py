@@ -21,7 +21,8 @@ from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.video import mp4
-from vlnpe.pipeline.jobs import export, mcap, render, replay
+from vlnpe.pipeline.stages.datasets import export_job, mcap_job
+from vlnpe.pipeline.stages.rollouts import render_job, replay_job
 from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
 from vlnpe.rendering import embree, scene_tracer
 from vlnpe.rendering.camera import rollout_views
@@ -107,13 +108,15 @@ def measure_parts(scene: str, robot_name: str) -> dict[str, Any]:
             out.mkdir()
             depth = DepthKeeper()
             jobs = {
-                "replay": replay.ReplayJob(folder, episode, config, run / "models", rollout),
-                "render": render.RenderJob(
+                "replay": replay_job.ReplayJob(folder, episode, config, run / "models", rollout),
+                "render": render_job.RenderJob(
                     folder, rollout, "r.mcap", robot_name, view, FRAMES_PER_SECOND, "h264",
                     Extras(), out / "frames", depth,
                 ),
-                "export": export.UnitJob(rollout, out / "frames", out / "unit", "video", review),
-                "mcap": mcap.McapJob(
+                "export": export_job.UnitJob(
+                    rollout, out / "frames", out / "unit", "video", review
+                ),
+                "mcap": mcap_job.McapJob(
                     rollout, out / "frames", folder, robot_name, "data", (), "video", review, "",
                     out / "m.mcap", depth,
                 ),
@@ -143,7 +146,7 @@ def measure_parts(scene: str, robot_name: str) -> dict[str, Any]:
 def _wrap(watch: Stopwatch, robot: Any) -> None:
     watch.wrap(mujoco, "mj_step", "physics: MuJoCo")
     watch.wrap(type(gait_for(robot)), "act", "physics: policy")
-    watch.wrap(replay, "write_rollout", "writing rollouts")
+    watch.wrap(replay_job, "write_rollout", "writing rollouts")
     watch.wrap(embree.SceneRenderer, "render", "drawing: other")
     watch.wrap(scene_tracer, "find_edges", "drawing: other")
     for name in ("visible", "trace"):
@@ -194,9 +197,12 @@ def _split_rays(calls: list[tuple[Any, ...]], total_ms: float) -> dict[str, floa
     }
 
 
+PARTS = (replay_job, render_job, export_job, mcap_job)
+
+
 def _import_seconds() -> float:
     """CPU seconds of a process that imports what a worker needs."""
-    modules = ", ".join(module.__name__ for module in (replay, render, export, mcap))
+    modules = ", ".join(module.__name__ for module in PARTS)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     subprocess.run([sys.executable, "-c", f"import {modules}"], check=True, env=ENVIRONMENT)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)

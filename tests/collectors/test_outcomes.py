@@ -27,9 +27,10 @@ from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.options.running import Running
+from vlnpe.pipeline.report import items as report_items
 from vlnpe.pipeline.report.failures import failure_figures
 from vlnpe.pipeline.report.gather import robot_rows
-from vlnpe.pipeline.stages import replay, report
+from vlnpe.pipeline.stages.rollouts import replay_items
 from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob
 
 DATASET = "aliengo-path-ego-64x48-90deg-baked"
@@ -61,7 +62,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for name, outcome in OUTCOMES.items():
             episode = make_episode(bundle, (2.6, 2.0), (5.4, 2.0), name=name)
             config = ReplayConfig(outcome=outcome)
-            items += replay.items(
+            items += replay_items.items(
                 [episode],
                 {"two_rooms": scene},
                 folder.scenes,
@@ -69,8 +70,8 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
                 folder.models,
                 config,
             )
-        run_stage(context, replay.STAGE, items)
-        report.write(folder, context, [])
+        run_stage(context, replay_items.STAGE, items)
+        report_items.write(folder, context, [])
     return root
 
 

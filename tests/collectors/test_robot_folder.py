@@ -24,7 +24,7 @@ from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import Row
-from vlnpe.pipeline.stages import replay
+from vlnpe.pipeline.stages.rollouts import replay_items
 from vlnpe.rendering.scene.robot_body import RobotBody
 
 pytestmark = pytest.mark.chain
@@ -112,7 +112,7 @@ def test_an_edited_robot_does_its_work_again_and_a_moved_one_does_not(
     two_rooms: SceneBundle, tmp_path: Path
 ):
     def keys(folder: Path) -> list[str]:
-        items = replay.items(
+        items = replay_items.items(
             [make_episode(two_rooms)],
             {"two_rooms": Row("repair", "two_rooms", "key", "done")},
             tmp_path,

@@ -18,7 +18,7 @@ from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import Context
 from vlnpe.pipeline.inputs.views import chosen_views
 from vlnpe.pipeline.report.gather import robot_rows
-from vlnpe.pipeline.stages import repair
+from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.rendering.camera.extras import Extras
 from vlnpe.rendering.camera.views import CameraOverrides
 from vlnpe.trajectory_sampler.align_config import AlignConfig
@@ -40,7 +40,9 @@ def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Run, di
             index.write_text(index.read_text().replace('"two_rooms"', f'"{name}"'))
     folder = RunFolder(root)
     context = Context(Ledger(root), InlineWorkers(1), progress=False)
-    return Run(folder, context, 0, per_instruction=per_instruction), repair.rows_of(root / "scenes")
+    return Run(folder, context, 0, per_instruction=per_instruction), scene_items.rows_of(
+        root / "scenes"
+    )
 
 
 def collect(run: Run, asked, scenes) -> Path:

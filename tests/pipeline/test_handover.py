@@ -11,8 +11,8 @@ import pytest
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.jobs import handover
 from vlnpe.pipeline.stages.datasets.mcap_job import McapJob
+from vlnpe.pipeline.stages.rollouts import handover
 from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
 from vlnpe.pipeline.stages.rollouts.render_job import RenderJob
 from vlnpe.pipeline.stages.rollouts.together import sharing

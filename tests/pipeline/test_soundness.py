@@ -19,7 +19,7 @@ from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.stages import repair
+from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.pipeline.stages.scenes.outputs import facts_of
 from vlnpe.pipeline.stages.scenes.soundness import SoundnessJob
 from vlnpe.scene_repair.verify.verdict import judge_level
@@ -81,8 +81,8 @@ def test_the_scene_itself_records_it(unsound: tuple[Path, Path]) -> None:
 
 
 def test_decisions_are_reported(unsound: tuple[Path, Path]) -> None:
-    facts = facts_of(json.loads((unsound[1] / "repair.json").read_text()))
-    text = "\n".join(repair.decisions(facts))
+    facts = facts_of(json.loads((unsound[1] / "scene_items.json").read_text()))
+    text = "\n".join(scene_items.decisions(facts))
     for words in ("glTF is y up", "metres by its specification", "floor at 0.00 m", "20.0 m²"):
         assert words in text
     assert "UNSOUND level 0: a fault" in text
@@ -100,8 +100,8 @@ def test_collect_refuses_unsound_scenes_unless_allowed(tmp_path: Path) -> None:
     with Workers(1) as workers:
         context = Context(ledger, workers, progress=False)
         for allow, kept in ((False, {"good"}), (True, {"good", "bad"})):
-            items = repair.check_items(rows, tmp_path / "scenes", allow)
-            summary = run_stage(context, repair.CHECK_STAGE, items, required=True)
+            items = scene_items.check_items(rows, tmp_path / "scenes", allow)
+            summary = run_stage(context, scene_items.CHECK_STAGE, items, required=True)
             assert set(summary.good()) == kept
             assert summary.quarantined == int(not allow)
     with pytest.raises(SceneError, match=r"bad is not sound: a; b.*--allow-unsound"):

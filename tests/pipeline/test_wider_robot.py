@@ -10,7 +10,8 @@ from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
-from vlnpe.pipeline.stages import episodes, repair
+from vlnpe.pipeline.stages.episodes import sample_items
+from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.record import clearance_at
 
@@ -19,16 +20,16 @@ CONFIG = SampleConfig(count=3, min_length_m=4.0, min_gap_m=0.8, relax=False)
 
 def sampled(root: Path, scene, radius_m: float, count: int = 3):
     """Sample for a robot as a run of the folder `root` does; return summary and paths."""
-    scenes = repair.rows_of(scene.root.parent)
+    scenes = scene_items.rows_of(scene.root.parent)
     out = root / "sampled.json.gz"
     context = Context(Ledger(root), InlineWorkers(1), progress=False)
 
     def item(name, own_m):
         config = replace(CONFIG, count=count, robot_radius_m=own_m)
-        return episodes.sample_item(scenes[name], scene.root.parent, out, config, 0)
+        return sample_items.sample_item(scenes[name], scene.root.parent, out, config, 0)
 
-    items = episodes.items(context.ledger, [scene.root.name], radius_m, item)
-    summary = run_stage(context, episodes.STAGE, items)
+    items = sample_items.items(context.ledger, [scene.root.name], radius_m, item)
+    summary = run_stage(context, sample_items.STAGE, items)
     context.ledger.save()
     return summary, read_episodes(out)
 
@@ -64,7 +65,7 @@ def test_other_options_are_no_reason_to_warn(two_rooms, tmp_path, caplog):
 
 def test_fewer_paths_than_before_are_said(two_rooms, tmp_path, caplog):
     (more, _), (fewer, _) = (sampled(tmp_path, two_rooms, 0.3, count=n) for n in (3, 2))
-    episodes.warn_if_fewer(fewer.rows, more.rows)
+    sample_items.warn_if_fewer(fewer.rows, more.rows)
     assert not caplog.records
-    episodes.warn_if_fewer(more.rows, fewer.rows)
+    sample_items.warn_if_fewer(more.rows, fewer.rows)
     assert "now hold 2 of the 3 paths that they held in two_rooms" in caplog.text

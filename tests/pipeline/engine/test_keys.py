@@ -87,7 +87,7 @@ EDITS = {
         {"render", "pictures", "look", "name"},
     ),
     "how gaits run": (
-        "collectors/locomotion/observation.py",
+        "collectors/locomotion/runtime/observation.py",
         "\nfrom .",
         "\nSCALE = 2\nfrom .",
         {"replay"},

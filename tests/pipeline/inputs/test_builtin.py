@@ -9,7 +9,7 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.collect.command import Collect, _sources, run
 from vlnpe.pipeline.inputs.builtin import BuiltIn, parse_builtin
-from vlnpe.pipeline.stages import repair
+from vlnpe.pipeline.stages.scenes import items as scene_items
 
 
 def names(text: str, seed: int = 0) -> list[str]:
@@ -39,7 +39,7 @@ def test_exact_buildings_are_scenes_of_their_own() -> None:
     assert exact == BuiltIn("villa", 3, scanned=False)
     assert exact.name == "exact-villa-3"
     assert names("builtin-exact") == ["exact-apartment-0"]
-    keys = {repair.scan_item(b, Path("x")).key for b in (exact, BuiltIn("villa", 3))}
+    keys = {scene_items.scan_item(b, Path("x")).key for b in (exact, BuiltIn("villa", 3))}
     assert len(keys) == 2
 
 
@@ -123,5 +123,5 @@ def test_scan_refuses_an_unknown_kind(tmp_path: Path, capsys: pytest.CaptureFixt
 
 def test_buildings_have_keys_of_their_own(tmp_path: Path) -> None:
     buildings = [BuiltIn(kind, seed) for kind in BUILDINGS for seed in (0, 1)]
-    keys = {repair.scan_item(building, tmp_path).key for building in buildings}
+    keys = {scene_items.scan_item(building, tmp_path).key for building in buildings}
     assert len(keys) == 2 * len(BUILDINGS)

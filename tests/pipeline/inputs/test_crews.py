@@ -13,7 +13,7 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.collect.command import _widened
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.inputs.crews import action_timing, chosen_robots, crews
-from vlnpe.pipeline.stages import replay
+from vlnpe.pipeline.stages.rollouts import replay_items
 from vlnpe.trajectory_sampler.config import SampleConfig
 
 BODYLESS = replace(make_cart(), name="ghost", joints=(), policy_joints=0)
@@ -64,9 +64,9 @@ def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> Non
     slow = action_timing(100, closed_loop=False)
     assert (slow.steps_per_action, slow.linear_m_s) == (100, 0.5)
     for controller in ("path", "flash"):
-        config = replay.config("h1", controller, 3, closed)
+        config = replay_items.config("h1", controller, 3, closed)
         assert config == ReplayConfig(robot="h1", controller=controller, seed=3)
-    assert replay.config("h1", "speed", 3, closed).speed == closed
+    assert replay_items.config("h1", "speed", 3, closed).speed == closed
     for steps in (0, -2, 33):
         with pytest.raises(InputError, match="VLN-PE uses 50"):
             action_timing(steps, closed_loop=False)

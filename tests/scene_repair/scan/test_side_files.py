@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.scenes import scans
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.pipeline.stages import repair
+from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.scene_repair.labels.attach import label_scan
 from vlnpe.scene_repair.labels.files import read_labels
 from vlnpe.scene_repair.repair import repair_scene
@@ -120,19 +120,19 @@ def test_source_digest_follows_side_files_and_stops_in_crowds(
 ) -> None:
     source = tmp_path / "home.obj"
     source.write_text("v 0 0 0\n")
-    seen = {repair.source_digest(source)}
+    seen = {scene_items.source_digest(source)}
     for name in ("home.LICENSE", "home.license.txt", "home.mtl", "deep/er/a.png", "home.house"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("a")
-        seen.add(repair.source_digest(source))
+        seen.add(scene_items.source_digest(source))
     assert len(seen) == 6
     for name in ("runs/a.png", ".git/a.png", "other.txt"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("a")
-    assert repair.source_digest(source) in seen
-    monkeypatch.setattr(repair, "MAX_BESIDE", 5)
+    assert scene_items.source_digest(source) in seen
+    monkeypatch.setattr(scene_items, "MAX_BESIDE", 5)
     with pytest.raises(FileFormatError, match="more than 5 files"):
-        repair.source_digest(source)
+        scene_items.source_digest(source)
 
 
 @pytest.mark.chain
