@@ -11,7 +11,7 @@ from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.records import InstructConfig
-from vlnpe.pipeline.collect import episodes, rollouts
+from vlnpe.pipeline.collect import episode_chain, rollout_chain
 from vlnpe.pipeline.collect.run import Run
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 
 QUOTAS = {"a": {"train": 2, "val_seen": 1}, "b": {"val_unseen": 1}}
 CONFIG = SampleConfig(min_length_m=4.0, min_gap_m=0.8, family_gap_m=1.0, relax=False)
-WORDING = episodes.Wording(InstructConfig(), "aliengo")
+WORDING = episode_chain.Wording(InstructConfig(), "aliengo")
 
 
 def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Run, dict]:
@@ -49,8 +49,8 @@ def collect(run: Run, asked, scenes) -> Path:
     robot = get_robot("aliengo")
     small = CameraOverrides(width_px=64, height_px=64)
     (view,) = chosen_views("ego", "baked", "embree", robot, small)
-    product = rollouts.Product(4, Extras(False, False), False, "h264", "video")
-    rollouts.collect(run, asked, scenes, ("aliengo", "flash"), [view], product, {})
+    product = rollout_chain.Product(4, Extras(False, False), False, "h264", "video")
+    rollout_chain.collect(run, asked, scenes, ("aliengo", "flash"), [view], product, {})
     return run.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
 
 
@@ -64,7 +64,7 @@ def columns(dataset: Path) -> dict:
 def sampled(two_rooms, tmp_path_factory) -> Path:
     root = tmp_path_factory.mktemp("sampled")
     run, scenes = start(root, two_rooms, per_instruction=True)
-    asked = episodes.sampled(run, WORDING, CONFIG, scenes, QUOTAS)
+    asked = episode_chain.sampled(run, WORDING, CONFIG, scenes, QUOTAS)
     assert len(asked) == 4
     collect(run, asked, scenes)
     return root
@@ -96,7 +96,7 @@ def test_published_splits_hold_out_nothing_more(sampled):
 def test_files_of_several_splits_are_walked_once_per_path(sampled, two_rooms, tmp_path):
     run, scenes = start(tmp_path, two_rooms)
     files = sorted((sampled / "episodes").glob("*.json.gz"))
-    asked = episodes.aligned(
+    asked = episode_chain.aligned(
         run, WORDING, files, scenes, StairRules(), AlignConfig(robot_radius_m=0.3)
     )
     assert [len(path.extra["instructions"]) for path in asked] == [3, 3, 3, 3]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tests.formats.splatting.test_draw import eye_at
+from tests.geometry.splatting.test_draw import eye_at
 from tests.support.scenes.splat_reference import psnr_db, reference_image
 from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.camera import CameraModel
