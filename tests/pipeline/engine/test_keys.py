@@ -26,20 +26,20 @@ EPISODE = Episode(
 )
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
-    "scan": "scenes.scan",
-    "scan as splats": "scenes.scan_splats",
-    "repair": "scenes.repair",
-    "repair of splats": "scenes.repair_splats",
-    "sample": "episodes",
-    "name": "instructions.name_things",
-    "instruct": "instructions.instruct",
-    "replay": "replay",
-    "render": "render",
-    "pictures": "pictures",
-    "export": "export",
-    "look": "instructions.visibility",
-    "mcap": "mcap",
-    "report": "report",
+    "scan": "stages.scenes.scan",
+    "scan as splats": "stages.scenes.scan_splats",
+    "repair": "stages.scenes.repair",
+    "repair of splats": "stages.scenes.repair_splats",
+    "sample": "stages.episodes.jobs",
+    "name": "stages.instructions.name_things",
+    "instruct": "stages.instructions.instruct_job",
+    "replay": "stages.rollouts.replay_job",
+    "render": "stages.rollouts.render_job",
+    "pictures": "stages.rollouts.pictures_job",
+    "export": "stages.datasets.export_job",
+    "look": "stages.instructions.visibility",
+    "mcap": "stages.datasets.mcap_job",
+    "report": "report.job",
 }
 # Prints the digests of the untouched copy and after each edit alone, one JSON object a line.
 DIGESTS = """
@@ -61,7 +61,7 @@ source._source = lambda module: parsed(module, source._path(module).read_bytes()
 def show():
     source.imported_modules.cache_clear()
     source.code_digest.cache_clear(), source.source_digest.cache_clear()
-    print(json.dumps({s: source.source_digest("pipeline.jobs." + job) for s, job in jobs.items()}))
+    print(json.dumps({s: source.source_digest("pipeline." + job) for s, job in jobs.items()}))
 
 show()
 for name, old, new in edits:
