@@ -167,8 +167,8 @@ def tree(tmp_path_factory) -> Path:
     """A copy of the package that may be edited."""
     root = tmp_path_factory.mktemp("tree") / "vlnpe"
     for folder in (
-        *("apartments", "collectors", "datasets", "formats", "instruction_gen"),
-        *("pipeline", "scene_repair", "trajectory_sampler", "wayfinding"),
+        *("apartments", "collectors", "datasets", "formats", "geometry", "instruction_gen"),
+        *("pipeline", "rendering", "scene_repair", "trajectory_sampler", "wayfinding"),
     ):
         shutil.copytree(ROOT / folder, root / folder, ignore=shutil.ignore_patterns("__pycache__"))
     return root
