@@ -15,7 +15,7 @@ from vlnpe.formats.splats.kind import is_splats, splat_kind
 from vlnpe.formats.splats.ply_header import read_ply_header
 from vlnpe.formats.splats.read import read_splats
 from vlnpe.formats.splats.store import SPLATS_NAME, load_splats
-from vlnpe.pipeline.stages.repair import item
+from vlnpe.pipeline.stages.scenes.items import item
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.files import SUFFIXES
