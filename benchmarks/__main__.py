@@ -60,6 +60,7 @@ HEADER = """# Benchmarks
 
 Written by `make bench`. Read the ratios: absolute numbers depend on the machine and its load.
 Floor repair, measured against planted holes, has [its own page](scene_repair/README.md).
+The summary for users is [docs/results/speed.md](../docs/results/speed.md).
 """
 
 log = logging.getLogger("benchmarks")

@@ -16,7 +16,6 @@ from benchmarks.throughput.runs import (
 )
 
 KEPT = ROOT / "runs" / "bench" / "throughput.json"
-HISTORY = Path(__file__).with_name("history.md")
 
 
 def keep(kind: str, measured: dict[str, Any]) -> None:
@@ -72,7 +71,7 @@ def section() -> str:
             + " |",
             "",
         ]
-    return "\n".join([*lines, HISTORY.read_text()])
+    return "\n".join(lines)
 
 
 def _run_line(run: dict[str, Any]) -> str:
