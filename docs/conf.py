@@ -18,6 +18,7 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 highlight_language = "text"
+default_role = "code"  # of `this` in docstrings
 myst_heading_anchors = 4
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
@@ -32,7 +33,21 @@ def _with_options(app: Sphinx, page: str, source: list[str]) -> None:
         source[0] = source[0].replace("<!-- commands -->", command_reference())
 
 
+def _with_examples(
+    app: Sphinx, what: str, name: str, module: object, options: object, lines: list[str]
+) -> None:
+    """Mark the indented blocks of a module's docstring as code."""
+    if what != "module":
+        return
+    for number in range(len(lines) - 1, 0, -1):
+        if lines[number].startswith("    ") and not lines[number - 1]:
+            before = next((line for line in reversed(lines[:number]) if line), "")
+            if not before.startswith("    "):
+                lines[number:number] = ["::", ""]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
-    """Register the hook with Sphinx."""
+    """Register the hooks with Sphinx."""
     app.connect("source-read", _with_options)
+    app.connect("autodoc-process-docstring", _with_examples)
     return {"parallel_read_safe": True}

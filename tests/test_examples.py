@@ -78,3 +78,15 @@ def test_custom_camera(run: Run, two_rooms: SceneBundle, tmp_path: Path) -> None
     assert Image.open(tmp_path / "seen.png").size == (160, 120)
     # From (1, 2) through the doorway at x = 4 to the inner face of the east wall, x = 8.
     assert "centre 7.0" in text
+
+
+def test_overview(run: Run, tmp_path: Path) -> None:
+    for name, size in (
+        ("scenes/home/before.png", (600, 800)),
+        ("scenes/home/after.png", (600, 800)),
+        ("report/strips/aliengo.jpg", (1500, 600)),
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        Image.new("RGB", size).save(tmp_path / name)
+    run("overview.py", tmp_path, tmp_path / "overview.jpg")
+    assert Image.open(tmp_path / "overview.jpg").size == (450 + 450 + 954, 600)

@@ -1,35 +1,18 @@
 """README, CONTRIBUTING and docs: their commands parse, and the files that they name exist."""
 
 import re
-import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.support.pages import PAGES, ROOT, commands
 from vlnpe.pipeline.cli import VERBS, parse
 
-ROOT = Path(__file__).resolve().parents[2]
-PAGES = (ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
-SHELL = re.compile(r"^```sh\n(.*?)^```", re.DOTALL | re.MULTILINE)
 # `formats/core/frames.py`, but not `scenes/<scene>/` of a run folder.
 NAMED = re.compile(r"`([a-z_]+/[\w./-]*\w(?:/|\.\w+))`")
 LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build", "runs"}
-
-
-def commands(page: Path) -> list[list[str]]:
-    """Return the words of each command in the shell blocks, but not of lines with placeholders."""
-    lines = (
-        line
-        for block in SHELL.findall(page.read_text())
-        for line in block.replace("\\\n", " ").splitlines()
-    )
-    found = [shlex.split(line, comments=True) for line in lines if not re.search("[<…]", line)]
-    for words in found:
-        while words and "=" in words[0]:  # variables of the environment
-            del words[0]
-    return [words for words in found if words]
 
 
 def test_commands_are_found_in_the_pages() -> None:
@@ -56,7 +39,7 @@ def test_sections_of_the_benchmarks_exist() -> None:
     text = "".join(page.read_text() for page in PAGES)
     named = re.findall(r"make bench ONLY=(?:\"([^\"]+)\"|(\w+))", text)
     names = {name for found in named for part in found for name in part.split()}
-    assert {"fuzz", "labels"} <= names <= benchmarks.SECTIONS.keys()
+    assert {"fuzz", "durability"} <= names <= benchmarks.SECTIONS.keys()
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))

@@ -1,4 +1,4 @@
-"""What README and card say about loading and training, run as it stands."""
+"""What README, docs and card say about loading and training, run as it stands."""
 
 import os
 import re
@@ -12,7 +12,9 @@ import pytest
 from tests.support.lerobot_data import write_units
 from vlnpe.formats.lerobot import assemble_dataset
 
-README = Path(__file__).resolve().parents[3] / "README.md"
+ROOT = Path(__file__).resolve().parents[3]
+README, START = ROOT / "README.md", ROOT / "docs" / "start"
+TRAINING = START / "train_and_evaluate.md"
 # What does not matter to whether it works, but to how long it takes.
 BRIEF = {
     "act": "dim_model=32 n_heads=2 dim_feedforward=32 n_encoder_layers=1 chunk_size=8 "
@@ -38,10 +40,10 @@ def command_in(text: str) -> list[str]:
 
 @pytest.mark.parametrize("policy", BRIEF)
 def test_the_documented_command_trains(dataset: Path, tmp_path: Path, policy: str) -> None:
-    words = command_in(README.read_text())
+    words = command_in(TRAINING.read_text())
     start = next(i for i, word in enumerate(words) if word.endswith("lerobot-train"))
     options = dict(word.split("=", 1) for word in words[start + 1 :])
-    # The made-up images are smaller than README's.
+    # The made-up images are smaller than the page's.
     features = options["--policy.input_features"].replace("[3, 256, 256]", "[3, 64, 96]")
     options |= {"--policy.type": policy, "--policy.input_features": features}
     options |= {"--dataset.root": str(dataset), "--output_dir": str(tmp_path / "out")}
@@ -75,12 +77,12 @@ def test_both_pages_say_the_same(dataset: Path) -> None:
         return {word for word in command_in(text) if word.startswith("--policy.")}
 
     card = policy((dataset / "README.md").read_text().replace("[3, 64, 96]", "[3, 256, 256]"))
-    assert card == policy(README.read_text())
+    assert card == policy(TRAINING.read_text())
 
 
 def test_the_documented_code_loads(dataset: Path, tmp_path: Path) -> None:
     """LeRobot's own choice of decoder prints a long traceback where FFmpeg is not installed."""
-    for page in (README, dataset / "README.md"):
+    for page in (README, START / "first_dataset.md", dataset / "README.md"):
         (code,) = re.findall(r"```python\n([^`]*LeRobotDataset[^`]*)```", page.read_text())
         code = re.sub(r'"runs/[^"]*"', repr(str(dataset)), code)
         code = code.replace('"user/name",', f'"user/name", root={str(dataset)!r},')
