@@ -9,7 +9,7 @@ import textwrap
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger, Row
@@ -39,9 +39,8 @@ def show_summary(
     summaries: Sequence[StageSummary],
     page: Path,
     options: Collect,
-    stream: TextIO = sys.stdout,
 ) -> int:
-    """Write the closing table, or one JSON object, to `stream`; return the exit code.
+    """Print the closing table, or one JSON object; return the exit code.
 
     0: done; 1: more items are quarantined than `options.max_failed` allows.
     """
@@ -63,24 +62,24 @@ def show_summary(
             "quarantined": quarantined,
             "exit_code": code,
         }
-        stream.write(json.dumps(value, allow_nan=False) + "\n")
+        sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
         return code
-    stream.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n")
+    sys.stdout.write("\n" + stage_table(summaries) + "\n\n" + robot_table(rows) + "\n")
     if rows:
-        stream.write(
+        sys.stdout.write(
             "\n".join([*textwrap.wrap(shared_paths_note(ledger), 78), legend(rows)]) + "\n"
         )
-    stream.write("\n")
+    sys.stdout.write("\n")
     for one, command in zip(absent, again, strict=True):
-        stream.write(
+        sys.stdout.write(
             f"Left out: {one.robot} {one.controller}, {one.paths} paths. It walked other paths, or "
             "another version\nmade it; its data stays in the folder. To have it walk these "
             f"paths, too:\n  {command}\n\n"
         )
-    stream.write(looking_commands(ledger, page) + "\n")
+    sys.stdout.write(looking_commands(ledger, page) + "\n")
     if code:
         path = folder.root / "quarantine.json"
-        stream.write(
+        sys.stdout.write(
             f"\n{quarantined} items were quarantined; see {path} for the reasons. The others are "
             "kept;\nthe same command with --retry-quarantined runs these again\n"
         )
