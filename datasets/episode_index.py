@@ -10,7 +10,13 @@ import pyarrow as pa
 
 from ..formats.core.errors import FileFormatError
 from ..formats.lerobot.episode_columns import EDITED_ADVICE
-from ..formats.lerobot.info import PLACE_FIELDS, fill_template, read_info, video_start_s
+from ..formats.lerobot.info import (
+    PLACE_FIELDS,
+    ForeignDatasetError,
+    fill_template,
+    read_info,
+    video_start_s,
+)
 from ..formats.lerobot.layout import DATA_PATH, RGB_KEY, VIDEO_PATH
 from ..formats.untrusted.files import check_links
 from ..formats.untrusted.tables import read_schema, read_table
@@ -158,7 +164,8 @@ def read_index(root: Path) -> DatasetIndex:
     """Read a dataset's `meta/`.
 
     Raises:
-        FileFormatError: no LeRobot v3 dataset, or one without the columns that vlnpe adds.
+        ForeignDatasetError: another version of LeRobot's format, or not collected by vlnpe.
+        FileFormatError: damaged.
     """
     info = read_info(root)
     videos = [key for key, f in info["features"].items() if f["dtype"] == "video"]
@@ -187,7 +194,7 @@ def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
         if not missing:
             return _with_what_is_left(read_table(file, [*columns, "tasks"]), info)
     if missing:
-        raise FileFormatError(file, f"lacks the columns {missing}; not collected by vlnpe?")
+        raise ForeignDatasetError(file, f"lacks the columns {missing}; not collected by vlnpe?")
     return read_table(file, columns).replace_schema_metadata(None)
 
 

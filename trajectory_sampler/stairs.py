@@ -5,7 +5,6 @@ whether the way leaves its level. `text` reads the instruction; it is never on b
 many instructions mention stairs that the path does not climb.
 """
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,17 +19,13 @@ from ..formats.scene.freemap import Freemap
 from ..formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..wayfinding.distance import AGENT_RADIUS_M, distance_field
 from .levels import level_gaps
+from .stair_words import stair_word, unknown_language
 
 MAX_STEP_M = 0.3  # VLN-PE's public rule
 STEP, GEOMETRIC, TEXT = "step", "geometric", "text"
 RULES = (STEP, GEOMETRIC, TEXT)
 ANY, ALL = "any", "all"
 _ABOVE_FLOOR_M = 1.0  # a reference point farther from every floor lies on none
-_STAIRS = re.compile(
-    r"\b(stairs?|stair(case|well|way)s?|upstairs|downstairs|escalators?|flights? of"
-    r"|(up|down|climb|descend|ascend)( \w+){0,3} steps)\b",
-    re.IGNORECASE,
-)
 
 
 @dataclass(frozen=True)
@@ -83,14 +78,15 @@ class StairCounts:
     Attributes:
         kept, dropped: (episodes, paths).
         by_rule: (episodes, paths) that each rule drops, alone or with others.
-        not_judged: (episodes, paths) that a rule could not judge: no reference path (a test split),
-            or for `geometric` no repaired scene. They are kept unless another rule drops them.
+        not_judged: (episodes, paths) that a rule could not judge, by rule and cause: no reference
+            path (a test split), for `geometric` no repaired scene, for `text` a language whose
+            words it does not know. They are kept unless another rule drops them.
     """
 
     kept: tuple[int, int]
     dropped: tuple[int, int]
     by_rule: Mapping[str, tuple[int, int]]
-    not_judged: Mapping[str, tuple[int, int]]
+    not_judged: Mapping[str, Mapping[str, tuple[int, int]]]
 
 
 @dataclass(frozen=True)
@@ -137,18 +133,20 @@ def filter_stairs(
     judge = _Judge(rules, bundles or {})
     kept, dropped = [], []
     counted: dict[str, Counter[tuple[str, str]]] = {}
+    causes: dict[str, set[str]] = {rule: set() for rule in rules.rules}
     for episode in file.episodes:
-        reasons = {rule: judge.reason(rule, episode) for rule in rules.rules}
-        against = {rule: reason for rule, reason in reasons.items() if reason}
-        able = sum(reason is not None for reason in reasons.values())
+        opinions = {rule: judge.opinion(rule, episode) for rule in rules.rules}
+        against = {rule: o.reason for rule, o in opinions.items() if o.reason}
+        able = sum(not opinion.unable for opinion in opinions.values())
         needed = 1 if rules.combine == ANY else max(able, 1)
         out = len(against) >= needed
         path = (episode.scene_id, str(episode.trajectory_id))
         counted.setdefault("dropped" if out else "kept", Counter())[path] += 1
-        for rule, reason in reasons.items():
-            if reason is None:
-                counted.setdefault(f"unjudged {rule}", Counter())[path] += 1
-            elif reason:
+        for rule, opinion in opinions.items():
+            if opinion.unable:
+                causes[rule].add(opinion.unable)
+                counted.setdefault(f"{rule}: {opinion.unable}", Counter())[path] += 1
+            elif opinion.reason:
                 counted.setdefault(f"by {rule}", Counter())[path] += 1
         if out:
             dropped.append(DroppedEpisode(episode.episode_id, against))
@@ -163,9 +161,21 @@ def filter_stairs(
         both("kept"),
         both("dropped"),
         {rule: both(f"by {rule}") for rule in rules.rules},
-        {rule: both(f"unjudged {rule}") for rule in rules.rules},
+        {
+            rule: {cause: both(f"{rule}: {cause}") for cause in sorted(found)}
+            for rule, found in causes.items()
+            if found
+        },
     )
     return StairResult(replace(file, episodes=tuple(kept)), tuple(dropped), counts)
+
+
+@dataclass(frozen=True)
+class _Opinion:
+    """Why a rule drops an episode, or why it cannot judge it; both may be empty."""
+
+    reason: str = ""
+    unable: str = ""
 
 
 @dataclass(frozen=True)
@@ -177,22 +187,21 @@ class _Judge:
     freemaps: dict[str, list[Freemap]] = field(default_factory=dict)
     seen: dict[tuple[str, bytes], str] = field(default_factory=dict)
 
-    def reason(self, rule: str, episode: VlnceEpisode) -> str | None:
-        """Return why `rule` drops an episode; "" where it does not, None where it cannot say."""
+    def opinion(self, rule: str, episode: VlnceEpisode) -> _Opinion:
+        """Return what `rule` says of an episode."""
         if rule == TEXT:
-            found = _STAIRS.search(episode.instruction_text)
-            return f"the instruction says {found[0]!r}" if found else ""
+            return _text(episode)
         if not len(episode.reference_path_habitat_m):
-            return None
+            return _Opinion(unable="without a reference path")
         if rule == STEP:
-            return self._step(episode)
+            return _Opinion(self._step(episode))
         scene = episode.scene_stem
         if scene not in self.bundles:
-            return None
+            return _Opinion(unable="without a repaired scene")
         key = (scene, episode.reference_path_habitat_m.tobytes())
         if key not in self.seen:
             self.seen[key] = self._leaves_level(episode, self.bundles[scene])
-        return self.seen[key]
+        return _Opinion(self.seen[key])
 
     def _step(self, episode: VlnceEpisode) -> str:
         heights = episode.reference_path_habitat_m[:, 1]  # Habitat's y is up
@@ -213,6 +222,16 @@ class _Judge:
         to_world = HABITAT_TO_WORLD if episode.in_repaired_world else bundle.habitat_to_world
         path = transform_points(to_world, episode.reference_path_habitat_m)
         return _leaving(self.freemaps[scene], path)
+
+
+def _text(episode: VlnceEpisode) -> _Opinion:
+    text = episode.instruction_text
+    if word := stair_word(text):
+        return _Opinion(f"the instruction says {word!r}")
+    given = (episode.unknown_keys | episode.extra).get("source_instruction")
+    declared = given.get("language") if isinstance(given, dict) else ""
+    language = unknown_language(text, declared if isinstance(declared, str) else "")
+    return _Opinion(unable=f"with instructions in {language}" if language else "")
 
 
 def _leaving(freemaps: Sequence[Freemap], path_m: np.ndarray) -> str:

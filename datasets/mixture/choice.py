@@ -1,6 +1,7 @@
 """How a source's episodes are chosen: datasets found, episodes kept, and why others are not."""
 
 import hashlib
+import logging
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.errors import InputError, brief
+from ...formats.lerobot.info import ForeignDatasetError
 from ...formats.lerobot.layout import INFO_PATH
 from ...formats.lerobot.splits import is_published_holdout
+from ...formats.untrusted.files import is_relative
 from ..episode_index import DatasetIndex, read_index
 from ..selection import RECORDING, Selection, select_all
 from .recipe import Recipe, Source
+
+log = logging.getLogger(__name__)
 
 # Conditions in the order of their checks; an episode counts under the first that it fails.
 _LABELS = {
@@ -77,35 +82,49 @@ class Library:
         if not root.is_dir():
             raise InputError(f"no such folder: {root}")
         self.root = root
-        self._read: dict[Path, DatasetIndex] = {}
+        self._read: dict[Path, DatasetIndex | ForeignDatasetError] = {}
 
     def find(self, patterns: Sequence[str]) -> list[DatasetIndex]:
         """Return datasets whose folders match any of the patterns, each once.
 
+        A dataset that vlnpe did not collect is left out, with a warning, if another one matches.
+
         Raises:
+            InputError: a pattern that is invalid, or leads out of the folder.
             NoEpisodesError: a pattern that matches no dataset.
-            FileFormatError: a dataset that vlnpe did not collect.
+            FileFormatError: a dataset is damaged, or vlnpe collected none that matches.
         """
-        found: dict[Path, DatasetIndex] = {}
+        matches: dict[Path, DatasetIndex] = {}
         for pattern in patterns:
             folders = [f for f in self._folders(pattern) if (f / INFO_PATH).is_file()]
             if not folders:
                 raise NoEpisodesError(f"no LeRobot dataset matches {pattern!r} in {self.root}")
-            for folder in folders:
-                key = folder.resolve()
-                if key not in self._read:
-                    self._read[key] = read_index(folder)
-                found[key] = self._read[key]
-        return list(found.values())
+            indices = {folder.resolve(): self._index(folder) for folder in folders}
+            own = {k: index for k, index in indices.items() if isinstance(index, DatasetIndex)}
+            if not own:
+                raise next(e for e in indices.values() if isinstance(e, ForeignDatasetError))
+            matches |= own
+        return list(matches.values())
+
+    def _index(self, folder: Path) -> DatasetIndex | ForeignDatasetError:
+        key = folder.resolve()
+        if key not in self._read:
+            try:
+                self._read[key] = read_index(folder)
+            except ForeignDatasetError as error:
+                log.warning("left out %s", error)
+                self._read[key] = error
+        return self._read[key]
 
     def _folders(self, pattern: str) -> list[Path]:
-        path = Path(pattern)
-        root = Path(path.anchor) if path.is_absolute() else self.root
-        relative = str(path.relative_to(path.anchor))
-        if relative == ".":
-            return [root]
+        if not is_relative(pattern):
+            raise InputError(
+                f"data: {brief(pattern)} leads out of {self.root}; valid: a pattern relative to it"
+            )
+        if Path(pattern) == Path():
+            return [self.root]
         try:
-            return sorted(root.glob(relative))
+            return sorted(self.root.glob(pattern))
         except (OSError, ValueError, NotImplementedError) as error:
             raise InputError(f"data: {brief(pattern)} is not a valid pattern ({error})") from error
 

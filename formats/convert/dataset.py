@@ -11,12 +11,7 @@ from ..core.errors import FileFormatError, brief
 from ..lerobot import info as info_module
 from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS, LATER_COLUMNS
 from ..lerobot.info import PLACE_FIELDS, fill_template, video_start_s
-from ..lerobot.layout import (
-    CODEBASE_VERSION,
-    DATASET_ROWS,
-    INFO_PATH,
-    Features,
-)
+from ..lerobot.layout import DATASET_ROWS, INFO_PATH, Features
 from ..lerobot.statistics import MOMENTS, QUANTILES
 from ..lerobot.unit_parts import UnitParts, write_unit
 from ..lerobot.unit_rows import unit_schema
@@ -163,11 +158,6 @@ def read_info(root: Path) -> dict[str, Any]:
     """
     path = root / INFO_PATH
     info = info_module.read_info(root)
-    version = info.get("codebase_version")
-    if version != CODEBASE_VERSION:
-        raise FileFormatError(
-            path, f"LeRobot format {str(version)[:40]}; valid: {CODEBASE_VERSION}"
-        )
     for key, kind in _NEEDED.items():
         if not isinstance(info.get(key), kind):
             raise FileFormatError(path, f"not a LeRobot dataset: {key} is {brief(info.get(key))}")

@@ -72,9 +72,9 @@ def find_scenes(root: Path) -> list[SceneFolder]:
     Raises:
         FileFormatError: there is none.
     """
-    found = []
-    for folder in _folders(root, MAX_DEPTH):
-        if (folder / layout.INFO_PATH).is_file() and (folder / "data").is_dir():
+    scenes = []
+    for folder in dataset_folders(root):
+        if (folder / "data").is_dir():
             episodes = sorted(
                 int(path.stem.partition("_")[2])
                 for path in folder.glob("data/chunk-*/episode_*.parquet")
@@ -83,19 +83,26 @@ def find_scenes(root: Path) -> list[SceneFolder]:
             place = folder.resolve()
             if _TRAJECTORY.fullmatch(place.name):
                 place = place.parent
-            found.append(SceneFolder(folder, place.parent.name, place.name, tuple(episodes)))
-    if not found:
+            scenes.append(SceneFolder(folder, place.parent.name, place.name, tuple(episodes)))
+    if not scenes:
         raise FileFormatError(root, f"contains no VLN-PE scene (a folder with {layout.INFO_PATH})")
-    return found
+    return scenes
 
 
 def is_layout(root: Path) -> bool:
-    """Return whether the folder has VLN-PE's layout: a v2.1 dataset below it with .npy frames."""
-    for folder in _folders(root, MAX_DEPTH):
-        info = folder / layout.INFO_PATH
-        if info.is_file() and not (folder / "meta" / "episodes").is_dir():
-            return (folder / layout.TASKS_PATH).is_file() or (folder / "videos").is_dir()
-    return False
+    """Return whether a folder has VLN-PE's layout, and not only other LeRobot v2.1 datasets.
+
+    Frames of the layout are .npy files, and its features have the names that InternNav reads.
+
+    Raises:
+        FileFormatError: If a meta/info.json is damaged.
+    """
+    return any(_is_scene(folder) for folder in dataset_folders(root))
+
+
+def dataset_folders(root: Path) -> Iterator[Path]:
+    """Yield every folder with meta/info.json that is `root` or lies up to `MAX_DEPTH` below it."""
+    return (f for f in _folders(root, MAX_DEPTH) if (f / layout.INFO_PATH).is_file())
 
 
 def read_layout_episode(folder: Path, number: int) -> LayoutEpisode:
@@ -157,6 +164,13 @@ def read_dataset_facts(folder: Path) -> dict[str, Any] | None:
     """
     path = folder / layout.DATASET_PATH
     return read_json_object(path, root=folder) if path.is_file() else None
+
+
+def _is_scene(folder: Path) -> bool:
+    if any(folder.glob("videos/*/*/*.npy")):
+        return True
+    features = read_json_object(folder / layout.INFO_PATH).get("features")
+    return isinstance(features, dict) and not {*COLUMNS} - {*features}
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:

@@ -13,7 +13,7 @@ from typing import Any
 from ..core.errors import FileFormatError, brief
 from ..untrusted.documents import read_json_object
 from ..untrusted.files import is_relative, require_inside
-from .layout import INFO_PATH
+from .layout import CODEBASE_VERSION, INFO_PATH
 
 PLACE_FIELDS = ("chunk_index", "file_index")
 TEMPLATES = {"data_path": PLACE_FIELDS, "video_path": (*PLACE_FIELDS, "video_key")}
@@ -22,18 +22,35 @@ MAX_VIDEO_S = 1e7
 MAX_SIDE = 1 << 16
 _FEATURE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.\- ]{0,199}")
 _WIDTH = re.compile(r"0?[0-9]?d?")
+_CONVERT = (
+    "convert a copy of it with LeRobot's own script: python -m "
+    "lerobot.scripts.convert_dataset_v21_to_v30 --repo-id=NAME --root=FOLDER --push-to-hub=false"
+)
+
+
+class ForeignDatasetError(FileFormatError):
+    """A dataset is sound but not one of vlnpe: another version of LeRobot's, or other columns."""
 
 
 def read_info(root: Path) -> dict[str, Any]:
     """Read and check meta/info.json.
 
     Raises:
+        ForeignDatasetError: another version of the format, such as v2.1.
         FileFormatError: missing, damaged, or with a template or a name that leads out of `root`.
     """
     path = root / INFO_PATH
     if not path.exists():
         raise FileFormatError(path, "missing; not a LeRobot dataset")
     info = read_json_object(path, root=root)
+    version = info.get("codebase_version")
+    if version != CODEBASE_VERSION:
+        older = isinstance(version, str) and version.startswith(("v1", "v2"))
+        advice = f"; {_CONVERT}" if older else ""
+        name = version[:40] if isinstance(version, str) else f"version {brief(version)}"
+        raise ForeignDatasetError(
+            path, f"LeRobot {name}; valid: LeRobot {CODEBASE_VERSION}{advice}"
+        )
     check_features(path, info.get("features"))
     rate = info.get("fps")
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate <= MAX_FPS:

@@ -14,6 +14,8 @@ from typing import BinaryIO
 from ..core.errors import FileFormatError
 
 _BLOCK = 1 << 20
+_LFS_START = b"version https://git-lfs.github.com/spec/"
+_LFS_BYTES = 1024  # a pointer is shorter
 _KINDS = (
     (stat.S_ISDIR, "a folder"),
     (stat.S_ISFIFO, "a FIFO"),
@@ -30,13 +32,19 @@ def check_input(path: Path, *, root: Path | None = None, max_bytes: int | None =
         root: the folder that it must lie in after links are followed; None: anywhere.
 
     Raises:
-        FileFormatError: missing, not a regular file, a link out of `root`, or too large.
+        FileFormatError: missing, not a regular file, a Git LFS pointer, a link out of `root`, or
+            too large.
     """
     try:
-        found = path.stat()
+        size = _check(path, path.stat(), root, max_bytes)
+        # All readers come by here, also those whose library opens the file.
+        if size < _LFS_BYTES:
+            with os.fdopen(_open(path), "rb") as stream:
+                if stream.read(len(_LFS_START)) == _LFS_START:
+                    raise FileFormatError(path, "Git LFS pointer; run `git lfs pull`")
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from error
-    return _check(path, found, root, max_bytes)
+    return size
 
 
 def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = None) -> BinaryIO:
@@ -44,10 +52,9 @@ def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = 
 
     Args and raises as `check_input`.
     """
-    check_input(path)
+    check_input(path, root=root, max_bytes=max_bytes)
     try:
-        # Without O_NONBLOCK a FIFO put here since then would wait for a writer.
-        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+        descriptor = _open(path)
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from error
     try:
@@ -141,6 +148,11 @@ def is_relative(name: str) -> bool:
     windows = PureWindowsPath(name)
     absolute = PurePosixPath(name).is_absolute() or windows.anchor
     return not absolute and ".." not in windows.parts and "\0" not in name
+
+
+def _open(path: Path) -> int:
+    # Without O_NONBLOCK a FIFO put here since it was checked would wait for a writer.
+    return os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
 
 
 def _check(path: Path, found: os.stat_result, root: Path | None, max_bytes: int | None) -> int:

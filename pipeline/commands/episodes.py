@@ -145,11 +145,9 @@ def filter_lines(row: Row) -> list[str]:
     lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
     lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
     lines += [
-        f"  cannot be judged by {rule}: {counted(pair)} without "
-        + ("a repaired scene or a reference path" if rule == "geometric" else "a reference path")
-        + "; kept"
-        for rule, pair in counts["not_judged"].items()
-        if pair[0]
+        f"  cannot be judged by {rule}: {counted(pair)} {cause}; kept"
+        for rule, causes in counts["not_judged"].items()
+        for cause, pair in causes.items()
     ]
     lines += [f"  unusable {name}: {reason}" for _, name, reason in row.facts["bad"]]
     return lines

@@ -129,9 +129,9 @@ def filter_notes(facts: Mapping[str, Any]) -> list[str]:
     ]
     notes += [f"by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]
     notes += [
-        f"{counted(pair)} cannot be judged by {rule} and are kept"
-        for rule, pair in counts["not_judged"].items()
-        if pair[0]
+        f"{counted(pair)} {cause} cannot be judged by {rule} and are kept"
+        for rule, causes in counts["not_judged"].items()
+        for cause, pair in causes.items()
     ]
     return notes
 

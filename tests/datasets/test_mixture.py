@@ -13,7 +13,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.support.lerobot_data import write_unit
+from tests.support.lerobot_data import write_foreign_dataset, write_unit
 from tests.support.training_data import make_walk, write_dataset
 from vlnpe.datasets.mixture.choice import Library, choose
 from vlnpe.datasets.mixture.loader import MixtureLoader
@@ -437,3 +437,25 @@ def test_published_splits_are_not_trained_on(tmp_path: Path) -> None:
     (source,) = plan_mixture(recipe_of(value), "m", library).sources
     assert list(source.selection.labels("split")) == ["val_seen"]
     assert len(choose(Source(), "all", library)[0]) == 5
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v3.0"])
+def test_a_dataset_of_others_does_not_stop_a_mixture(
+    runs: Path, tmp_path: Path, version: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    shutil.copytree(runs, tmp_path / "runs")
+    foreign = write_foreign_dataset(tmp_path / "runs" / "unitree" / "lerobot" / "g1", version)
+    if version == "v3.0":
+        (foreign / "meta" / "episodes").mkdir()
+        shutil.copy(
+            foreign / "data/chunk-000/episode_000000.parquet",
+            foreign / "meta/episodes/file-000.parquet",
+        )
+    library = Library(tmp_path / "runs")
+    assert len(library.find(["**/lerobot/*"])) == 3
+    assert caplog.text.count("left out") == 1 and str(foreign) in caplog.text
+    with pytest.raises(FileFormatError, match="LeRobot v2.1" if version == "v2.1" else "collected"):
+        library.find(["unitree/lerobot/*"])
+    (foreign / "meta" / "info.json").write_text("{")
+    with pytest.raises(FileFormatError, match="not JSON"):
+        Library(tmp_path / "runs").find(["**/lerobot/*"])

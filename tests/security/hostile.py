@@ -14,6 +14,12 @@ def _fifo(path: Path) -> None:
     os.mkfifo(path)
 
 
+def _pointer(path: Path) -> None:
+    path.write_text(
+        f"version https://git-lfs.github.com/spec/v1\noid sha256:{'0' * 64}\nsize 1234567\n"
+    )
+
+
 def _socket(path: Path) -> None:
     # Addresses of sockets are short; temporary folders are not.
     here = Path.cwd()
@@ -31,6 +37,7 @@ NOT_FILES: dict[str, tuple[Callable[[Path], None], str]] = {
     "a FIFO": (_fifo, "is a FIFO"),
     "a socket": (_socket, "is a socket"),
     "a link to /dev/zero": (lambda path: path.symlink_to("/dev/zero"), "is a device"),
+    "a Git LFS pointer": (_pointer, "Git LFS pointer; run `git lfs pull`"),
     "a broken link": (lambda path: path.symlink_to("nowhere"), "no such file"),
     "a link to itself": (lambda path: path.symlink_to(path.name), "cannot be read"),
 }

@@ -23,7 +23,7 @@ def test_only_regular_files_are_opened(kind: str, tmp_path: Path) -> None:
     for read in (
         lambda: check_input(path),
         lambda: open_input(path),
-        lambda: read_input(path, max_bytes=10),
+        lambda: read_input(path, max_bytes=1000),
         lambda: read_json(path),
         lambda: read_yaml(path),
         lambda: read_toml(path),

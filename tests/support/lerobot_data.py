@@ -1,10 +1,13 @@
 """Datasets of made-up episodes, by our writer and by LeRobot's own."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from tests.support.rollouts import make_frames, make_images, make_rollout
 from vlnpe.formats.core.camera import CameraModel, DepthRange
@@ -161,3 +164,25 @@ def stored(depth_m: np.ndarray, depth_storage: str) -> np.ndarray:
     if depth_storage == "video":
         return depth_m
     return codes_to_millimetres(depth_to_codes(depth_m, RANGE), RANGE)
+
+
+def write_foreign_dataset(root: Path, version: object = "v2.1") -> Path:
+    """Write a LeRobot dataset as others publish them: an arm, one frame, no camera."""
+    number = {"dtype": "float32", "shape": [1], "names": None}
+    info = {
+        "codebase_version": version,
+        "robot_type": "so101",
+        "fps": 30,
+        "features": {"observation.state": number, "action": number},
+    }
+    tables = root / "data" / "chunk-000"
+    tables.mkdir(parents=True)
+    pq.write_table(pa.table({"action": [0.0]}), tables / "episode_000000.parquet")
+    (root / "meta").mkdir()
+    for name, line in (
+        ("info.json", info),
+        ("tasks.jsonl", {"task_index": 0, "task": "pick"}),
+        ("episodes.jsonl", {"episode_index": 0, "tasks": ["pick"], "length": 1}),
+    ):
+        (root / "meta" / name).write_text(json.dumps(line))
+    return root

@@ -4,6 +4,7 @@ import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 import pytest
@@ -263,15 +264,61 @@ def test_each_rule_and_their_combinations(two_rooms):
     assert dropped(("geometric", "text"), "all")[0] == [3]
 
 
+STAIRS = {
+    "en-US": ("Climb the staircase and stop.", "Go through the door and stop by the sofa."),
+    "en-IN": ("You will walk down six steps.", "You are facing a glass door. Take two steps."),
+    "hi-IN": ("सीढ़ियों से ऊपर जाओ।", "आप एक कांच के दरवाज़े के सामने खड़े हैं। दाईं ओर मुड़ें।"),
+    "hi": ("सीढियां उतरो।", "सीधे जाओ और सोफे के पास रुको।"),
+    "te-IN": ("మెట్లు ఎక్కండి.", "మీరు ఒక గాజు తలుపు ముందు నిలబడి ఉన్నారు."),
+    "zh": ("上楼梯,然后停下。", "向前走,停在沙发旁边。"),
+    "": ("మెట్ల మీదుగా కిందికి దిగండి", "तुम दरवाज़े के सामने खड़े हो।"),
+}
+
+
+@pytest.mark.parametrize("form", ["NFC", "NFD"])
+@pytest.mark.parametrize("language", STAIRS)
+def test_stairs_are_known_in_every_language_of_rxr(language: str, form: str) -> None:
+    source = {"instruction": {"language": language} if language else {}}
+    episodes = tuple(
+        foreign(GOOD, name=k, instruction_text=normalize(form, text), source=source)
+        for k, text in enumerate(STAIRS[language])
+    )
+    result = filter_stairs(VlnceFile(Path("a.json"), episodes), StairRules(("text",)))
+    assert [d.episode_id for d in result.dropped] == [0]
+    assert not result.counts.not_judged
+
+
+@pytest.mark.parametrize(
+    ("text", "declared", "said"),
+    [
+        ("Gehen Sie die Treppe hinauf.", "de-DE", "de-DE"),
+        ("Поднимитесь по лестнице.", "", "Cyrillic script"),
+        ("Поднимитесь по лестнице.", "en-US", "Cyrillic script"),
+        ("階段を上がってください", "ja", "ja"),
+        ("Seedhiyon se upar jao.", "hi-IN", "hi-IN in Latin letters"),
+        ("…", "", "no letters"),
+    ],
+)
+def test_other_languages_are_said_not_to_be_judged(text: str, declared: str, said: str) -> None:
+    source = {"instruction": {"language": declared}}
+    episodes = tuple(
+        foreign(GOOD, name=k, trajectory_id=1, instruction_text=t, source=source)
+        for k, t in enumerate([text, text])
+    )
+    result = filter_stairs(VlnceFile(Path("a.json"), episodes), StairRules(("text", "step")))
+    assert result.counts.not_judged == {"text": {f"with instructions in {said}": (2, 1)}}
+    assert len(result.kept.episodes) == 2
+
+
 def test_a_test_split_cannot_be_judged(two_rooms):
     test_split = foreign(GOOD, goals=(), reference_path_habitat_m=np.zeros((0, 3)))
     file = VlnceFile(Path("test.json.gz"), (test_split,))
     result = filter_stairs(file)
     assert len(result.kept.episodes) == 1
-    assert result.counts.not_judged == {"step": (1, 1)}
+    assert result.counts.not_judged == {"step": {"without a reference path": (1, 1)}}
     elsewhere = VlnceFile(Path("a.json"), (foreign(GOOD, scene_id="mp3d/x/x.glb"),))
     judged = filter_stairs(elsewhere, StairRules(("geometric",)), {"two_rooms": two_rooms})
-    assert judged.counts.not_judged == {"geometric": (1, 1)}
+    assert judged.counts.not_judged == {"geometric": {"without a repaired scene": (1, 1)}}
     with pytest.raises(InputError, match="--scenes"):
         filter_stairs(file, StairRules(("geometric",)))
 

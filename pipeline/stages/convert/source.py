@@ -8,7 +8,8 @@ from typing import Any
 from ....formats.convert.dataset import open_dataset
 from ....formats.core.errors import FileFormatError
 from ....formats.internnav import layout
-from ....formats.internnav.reader import find_scenes, is_layout
+from ....formats.internnav.reader import dataset_folders, find_scenes, is_layout
+from ....formats.lerobot.info import read_info
 from ....formats.untrusted.files import check_input
 from ...engine.work import Job, WorkItem, digest, work_item
 from .jobs import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options
@@ -48,6 +49,8 @@ def detect(path: Path) -> Source:
         return Source(path, Kind.MCAP, name)
     if is_layout(path):
         return Source(path, Kind.N1, name)
+    for folder in dataset_folders(path):
+        read_info(folder)  # says which version of LeRobot it is
     raise FileFormatError(
         path,
         "nothing to convert; valid: a folder of .mcap files, a LeRobot v3 dataset, "

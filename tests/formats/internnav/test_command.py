@@ -1,6 +1,7 @@
 """`vlnpe convert` to the layout and from it."""
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ from tests.formats.internnav.layouts import (
 )
 from tests.formats.internnav.test_damage import break_layout
 from tests.formats.mcap.test_episode import decode
-from tests.support.lerobot_data import write_unit
+from tests.support.lerobot_data import write_foreign_dataset, write_unit
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.core.errors import FileFormatError
@@ -113,3 +114,22 @@ def test_other_frame_rates_have_steps_but_no_actions(tmp_path: Path, inline: Non
     assert cli.main([*call, "--every-frame"]) == 1
     (bad,) = [r for r in Ledger(out).rows() if r.status == "quarantined"]
     assert "no action.discrete at 10 frames/s; valid: 4" in bad.error["reason"]
+
+
+@pytest.mark.parametrize("version", ["v2.1", "v2.0", "v1.6", "v4.0", None, 3])
+@pytest.mark.parametrize("place", [".", "unitree/g1", "a/b/c"])
+def test_other_versions_of_lerobot_are_named(
+    version: object, place: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    write_foreign_dataset(tmp_path / "in" / place, version)
+    call = ["convert", str(tmp_path / "in"), "--to", "mcap", "--out", str(tmp_path / "out")]
+    assert cli.main(call) == 2
+    said = capfd.readouterr().err
+    old = str(version).startswith(("v1", "v2"))
+    assert "valid: LeRobot v3.0" in said and ("convert_dataset_v21_to_v30" in said) == old
+    assert f"LeRobot {version if isinstance(version, str) else f'version {version}'}" in said
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_named_script_is_the_one_that_lerobot_has() -> None:
+    assert find_spec("lerobot.scripts.convert_dataset_v21_to_v30") is not None
