@@ -24,7 +24,7 @@ from .engine.signals import (
     without_interrupts,
 )
 from .options.command_line import COMPLETION, parsed, unknown_word
-from .store.address import store_url
+from .store.address import store_url, without_password
 
 
 @dataclass(frozen=True)
@@ -183,6 +183,9 @@ def _run(arguments: Sequence[str]) -> int:
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")
+            return 2
+        if argument != (masked := without_password(argument)):
+            _complain(f"{masked}: a run records its command; valid: passwords in the environment")
             return 2
     try:
         with without_interrupts():  # its imports would swallow one that comes in a callback

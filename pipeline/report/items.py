@@ -1,5 +1,6 @@
 """Stages `pictures` and `report`: the page that shows a run."""
 
+import logging
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -16,6 +17,8 @@ from .gather import left_out, replay_rows
 from .job import ReportJob
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures
+
+log = logging.getLogger(__name__)
 
 STAGE = "report"
 CLIP_S = 5.0  # how much of a failure's end is shown
@@ -48,7 +51,7 @@ def _pictures(
     """Make the missing images and clips of the replay stage's `rows`."""
     kinds = (
         _map_items(folder, context.ledger),
-        _strip_items(folder, context.ledger, rows),
+        strip_items(folder, context.ledger, rows),
         _clip_items(folder, context.ledger, rows),
     )
     summary = run_stage(
@@ -80,7 +83,7 @@ def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
     return result
 
 
-def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
+def strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[str, WorkItem]:
     """Return one strip per dataset, of the episode that most robots completed where possible."""
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
     rollouts = {row.item: row for row in rows}
@@ -97,11 +100,18 @@ def _strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict
 
     result = {}
     for name, pairs in known.items():
-        row, frames = min(pairs, key=rank)
         out = folder.report / "strips" / f"{name}.jpg"
-        job = StripJob(*_paths(folder, row), folder.root / frames.outputs[0], out)
-        inputs = (frames.key, _scene_key(ledger, row))
-        result[name] = work_item(PICTURES_STAGE, f"strip {name}", job, (out,), *inputs)
+        drawn = ledger.row(PICTURES_STAGE, f"strip {name}")
+        for row, frames in sorted(pairs, key=rank):
+            job = StripJob(*_paths(folder, row), folder.root / frames.outputs[0], out)
+            inputs = (frames.key, _scene_key(ledger, row))
+            item = work_item(PICTURES_STAGE, f"strip {name}", job, (out,), *inputs)
+            # Frames may have been deleted by hand once their dataset was written.
+            if job.frames.is_dir() or (drawn and drawn.key == item.key and out.is_file()):
+                result[name] = item
+                break
+        else:
+            log.warning("%s: its frames are gone, so the report does not show it", name)
     return result
 
 

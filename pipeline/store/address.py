@@ -5,9 +5,12 @@ import os
 import re
 from pathlib import Path
 
+from ...formats.core.errors import InputError, brief
 from ..engine.run_folder import safe_name
 
 SCRATCH_VARIABLE = "VLNPE_SCRATCH"
+VALID = "a local folder or s3://bucket/name"
+_SCHEME = "[A-Za-z][A-Za-z0-9+.-]*"
 MARKER_NAME = ".vlnpe-store.json"  # in the scratch folder: what the store held at last
 
 
@@ -15,9 +18,22 @@ def store_url(path: Path | str) -> str | None:
     """Return the URL that a path from the command line stands for; None for a local path.
 
     `pathlib` writes `s3://bucket/run` as `s3:/bucket/run`, and options hold paths.
+
+    Raises:
+        InputError: It is a URL, but of no folder.
     """
-    match = re.fullmatch(r"([a-z][a-z0-9+.-]+):/{1,2}([^/].*?)/*", str(path))
-    return f"{match[1]}://{match[2]}" if match else None
+    url = re.fullmatch(rf"({_SCHEME}):(?:/{{1,2}}([^/].*?))?/*", str(path), re.DOTALL)
+    if url is None:
+        return None
+    scheme, place = url[1].lower(), url[2] or ""
+    if len(scheme) == 1 or not place or not place.isprintable():
+        raise InputError(f"{brief(str(path))}: not the URL of a folder; valid: {VALID}")
+    return f"{scheme}://{place}"
+
+
+def without_password(text: str) -> str:
+    """Return a text with `…` in the place of the password of a URL in it."""
+    return re.sub(rf"({_SCHEME}:/{{1,2}}[^/:@]*:).*@", r"\1…@", text, flags=re.DOTALL)
 
 
 def scratch_folder(url: str) -> Path:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from ...formats.core.errors import InputError, MissingExtraError
+from .address import VALID
 
 T = TypeVar("T")
 
@@ -46,8 +47,7 @@ class ObjectFolder:
                 raise MissingExtraError(url, "s3") from error
             raise StoreError(f"{url}: {error}") from error
         except ValueError as error:
-            valid = "a local folder or s3://bucket/name"
-            raise StoreError(f"{url}: {error}; valid: {valid}") from error
+            raise StoreError(f"{url}: {error}; valid: {VALID}") from error
         return ObjectFolder(url, files, path.rstrip("/"))
 
     def read(self, name: str) -> bytes | None:

@@ -17,6 +17,7 @@ from tests.support.runs import tiny_run
 from tests.support.runs.content import content
 from tests.support.runs.kills import kill_in
 from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline import cli
 from vlnpe.pipeline.engine.holder import Holder
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger, Row
 from vlnpe.pipeline.engine.lock import LOCK_NAME, LockedError
@@ -220,13 +221,45 @@ def test_the_second_process_is_refused(bucket: ObjectFolder, monkeypatch: pytest
         ("memory://run", "memory://run"),
         ("runs/a", None),
         ("/runs/a", None),
-        ("C:/runs", None),
+        ("S3://bucket/Run", "s3://bucket/Run"),
         ("a:b/c", None),
+        ("runs/s3:/a", None),
     ],
 )
 def test_urls(text: str, url: str | None):
     assert store_url(text) == url
     assert store_url(Path(text)) == url
+
+
+@pytest.mark.parametrize(
+    "text", ["x://y", "C:/runs", "s3://", "s3:", "s3://a\nb", "s3://bucket/\x1b[0m", "S3://\n"]
+)
+def test_urls_of_no_folder_are_not_taken_for_local_ones(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match="valid: a local folder or s3://bucket/name"):
+        store_url(Path(text))
+    assert cli.main(["sample", "scene", "--out", text]) == 2
+    assert cli.main(["collect", "--out", text]) == 2
+    said = capfd.readouterr().err
+    assert said.count("\n") == 2 and "\x1b" not in said
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("place", ["user:secret@bucket/run", "KEY:sec/ret@bucket/run", ":secret@b"])
+@pytest.mark.parametrize(
+    "words", [["verify"], ["collect", "--out"], ["collect", "--scene"], ["mix", "x", "--data"]]
+)
+def test_a_password_in_a_url_is_never_repeated(
+    words: list[str], place: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+):
+    for argument in ([f"s3://{place}"], [f"S3:/{place}"]):
+        assert cli.main([*words, *argument]) == 2
+    joined = [*words[:-1], f"{words[-1]}=s3://{place}"]
+    assert cli.main(joined) == 2
+    said = "".join(capfd.readouterr())
+    assert "environment" in said and "ret" not in said
 
 
 def test_errors_name_the_url(bucket: ObjectFolder, monkeypatch: pytest.MonkeyPatch):

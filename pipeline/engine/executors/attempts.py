@@ -22,6 +22,9 @@ TRANSIENT = frozenset(
 )
 
 
+MACHINES_LOST = 5  # in a row; an item that kills a machine each time must not go on for ever
+
+
 class WorkerDiedError(VlnpeError):
     """A worker process died while it worked on an item alone."""
 
@@ -53,22 +56,30 @@ def run_items(workers: Executor, items: Sequence[WorkItem]) -> Iterable[tuple[Wo
     A dying worker breaks the whole pool, and it is unknown which item killed it. So all items that
     were lost are tried together once more; those lost again are tried alone, which finds the one.
     """
-    lost = yield from _attempt(workers, items)
-    if lost:
-        _restart(workers, lost)
-        lost = yield from _attempt(workers, lost)
+    lost = yield from _attempt_on(workers, items)
+    lost = yield from _attempt_on(workers, lost)
     for item in lost:
-        _restart(workers, [item])
-        if (yield from _attempt(workers, [item])):
-            _restart(workers, [item])
+        if (yield from _attempt_on(workers, [item])):
             error = WorkerDiedError("its worker process died (out of memory?)")
             yield item, Outcome(error=error, traceback=f"{error}\n")
 
 
-def _restart(workers: Executor, lost: Iterable[WorkItem]) -> None:
-    """Replace the pool, and remove what the dead left half-written."""
-    workers.restart()
+def _attempt_on(
+    workers: Executor, items: Sequence[WorkItem]
+) -> Generator[tuple[WorkItem, Outcome], None, list[WorkItem]]:
+    """Run items as `_attempt`; a loss together with a machine does not count as an attempt."""
+    for _ in range(MACHINES_LOST if items else 0):
+        items = yield from _attempt(workers, items)
+        if not items or not _restart(workers, items):
+            break
+    return list(items)
+
+
+def _restart(workers: Executor, lost: Iterable[WorkItem]) -> bool:
+    """Replace the pool, and remove what the dead left half-written; return as `restart` does."""
+    machine_lost = workers.restart()
     sweep_beside(path for item in lost for path in item.outputs)
+    return machine_lost
 
 
 def _attempt(

@@ -73,8 +73,12 @@ class Executor:
     def flush(self) -> None:
         """Start what has been submitted; where items start at once, there is nothing to do."""
 
-    def restart(self) -> None:
-        """Make the executor usable again after a worker died; many are so without being asked."""
+    def restart(self) -> bool:
+        """Make the executor usable again after a worker died.
+
+        Return whether a whole machine was lost, which is no fault of the items that ran on it.
+        """
+        return False
 
     def close(self) -> None:
         """End the workers; waiting items are dropped."""
@@ -148,9 +152,10 @@ class Workers(Executor):
                     self._pool.submit(_import, modules)
         return future
 
-    def restart(self) -> None:
+    def restart(self) -> bool:
         """Replace a pool whose worker died."""
         self.close()
+        return False
 
     def close(self) -> None:
         """End the workers; waiting items are dropped."""

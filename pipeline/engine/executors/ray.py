@@ -3,6 +3,7 @@
 import logging
 import os
 import socket
+import time
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Future
 from typing import Any
@@ -11,6 +12,8 @@ from ....formats.core.errors import InputError, MissingExtraError
 from .base import Executor
 
 log = logging.getLogger(__name__)
+
+SETTLE_S = 30.0  # in which Ray notices that a machine is lost
 
 
 class RayExecutor(Executor):
@@ -57,6 +60,7 @@ class RayExecutor(Executor):
         self.cores = max(1, int(min((cpus for cpus in machines if cpus), default=1)))
         self._share = max(1, total // self.count)
         self._waiting: set[Any] = set()
+        self._alive = self._machines()
 
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run `function(*arguments)` as a task."""
@@ -72,9 +76,38 @@ class RayExecutor(Executor):
         reference.future().add_done_callback(hand_on)
         return outcome
 
-    def restart(self) -> None:
-        """Tell that something was lost; Ray itself goes on with what is left."""
-        log.warning("a process or a machine of the cluster was lost; its items run again")
+    def restart(self) -> bool:
+        """Wait until every machine answers or is known to be lost; Ray goes on with the others.
+
+        A machine whose agent has died takes tasks, and loses them, for some more seconds.
+        """
+        before = self._alive
+        deadline_s = time.monotonic() + SETTLE_S
+        while not self._all_answer() and time.monotonic() < deadline_s:
+            time.sleep(1.0)
+        lost = len(before - self._alive)
+        what = f"{lost} of {len(before)} machines" if lost else "a process"
+        log.warning("%s of the cluster lost; what ran there runs again", what)
+        return lost > 0
+
+    def _all_answer(self) -> bool:
+        """Return whether all machines that Ray counts as alive run a task; update `_alive`."""
+        from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+        self._alive = self._machines()
+        task = self._ray.remote(num_cpus=0, max_retries=0)(_answer)
+        probes = [
+            task.options(scheduling_strategy=NodeAffinitySchedulingStrategy(n, soft=False)).remote()
+            for n in self._alive
+        ]
+        try:
+            self._ray.get(probes, timeout=SETTLE_S)
+        except self._ray.exceptions.RayError:
+            return False
+        return self._machines() == self._alive
+
+    def _machines(self) -> set[str]:
+        return {node["NodeID"] for node in self._ray.nodes() if node["Alive"]}
 
     def close(self) -> None:
         """Drop waiting tasks and leave the cluster, which ends if it was started here."""
@@ -82,6 +115,10 @@ class RayExecutor(Executor):
             for reference in list(self._waiting):
                 self._ray.cancel(reference, force=True)
             self._ray.shutdown()
+
+
+def _answer() -> None:
+    """Do what any machine that works can do."""
 
 
 def _knock(address: str) -> None:

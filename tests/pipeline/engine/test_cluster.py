@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.runs import work
-from tests.support.runs.ray_nodes import two_nodes
+from tests.support.runs.ray_nodes import kill_agents, two_nodes
 from vlnpe.formats.core.errors import InputError, UnknownNameError
 from vlnpe.pipeline.engine.executors.base import Execution, make_executor
 from vlnpe.pipeline.engine.executors.slurm import parse_options
@@ -78,6 +78,27 @@ class TestRay:
             executor.close()
         assert (summary.done, summary.quarantined) == (12, 0)
         assert [p.read_text() for p in sorted(tmp_path.glob("*.txt"))] == [i.name for i in todo]
+
+    def test_a_node_whose_agent_dies_is_a_lost_node(self, cluster, tmp_path):
+        head, second = cluster
+        execution = Execution("ray", ray_address=head.address)
+        todo = items(tmp_path, 10, seconds=0.5)
+        executor = make_executor(execution, tmp_path)
+
+        def kill() -> None:
+            while not any(tmp_path.glob("*.txt")):
+                time.sleep(0.05)
+            kill_agents(second)
+
+        thread = threading.Thread(target=kill)
+        thread.start()
+        try:
+            context = Context(Ledger(tmp_path), executor, progress=False)
+            summary = run_stage(context, "s", todo)
+        finally:
+            thread.join()
+            executor.close()
+        assert (summary.done, summary.quarantined) == (10, 0)
 
     def test_errors_and_deaths_are_quarantined_by_name(self, cluster, tmp_path):
         head, _ = cluster

@@ -4,8 +4,11 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor, Future
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -13,6 +16,7 @@ from hypothesis import strategies as st
 
 from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, VlnpeError
+from vlnpe.pipeline.engine.executors.attempts import WorkerDiedError, run_items
 from vlnpe.pipeline.engine.executors.base import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
 from vlnpe.pipeline.engine.run_folder import file_names, safe_name
@@ -170,6 +174,36 @@ def test_a_dying_worker_takes_only_its_own_item(tmp_path):
         summary = run_stage(context(tmp_path, pool), "s", items)
     assert sorted(summary.good()) == ["a", "b", "c", "d"]
     assert summary.quarantined == 1
+
+
+class Machines(work.InlineWorkers):
+    """Loses everything that runs, a number of times; sometimes with the machine it ran on."""
+
+    def __init__(self, machines: int, workers: int = 0):
+        super().__init__(1)
+        self.losses = [True] * machines + [False] * workers
+
+    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        if self.losses:
+            lost: Future[Any] = Future()
+            lost.set_exception(BrokenExecutor())
+            return lost
+        return super().submit(function, *arguments)
+
+    def restart(self) -> bool:
+        return self.losses.pop(0)
+
+
+@pytest.mark.parametrize(("machines", "workers"), [(4, 0), (4, 2), (0, 2)])
+def test_items_lost_with_their_machine_are_not_to_blame(tmp_path, machines, workers):
+    items = [item(tmp_path, n) for n in "ab"]
+    outcomes = list(run_items(Machines(machines, workers), items))
+    assert [outcome.error for _, outcome in outcomes] == [None, None]
+
+
+def test_an_item_that_loses_every_machine_is_quarantined(tmp_path):
+    ((_, outcome),) = run_items(Machines(100), [item(tmp_path, "a")])
+    assert isinstance(outcome.error, WorkerDiedError)
 
 
 @pytest.mark.parametrize(

@@ -51,6 +51,13 @@ def kill_at_work(cluster: Any, node: Any) -> bool:
     return True
 
 
+def kill_agents(node: Any) -> None:
+    """SIGKILL the processes that a node's daemon cannot do without."""
+    for child in _children(node.all_processes["raylet"][0].process.pid):
+        if "agent" in Path(f"/proc/{child}/cmdline").read_bytes().decode():
+            os.kill(child, signal.SIGKILL)
+
+
 def _at_work(daemon: int) -> list[int]:
     """Return the processes that run an item for a node's daemon."""
     return [child for child in _children(daemon) if AT_WORK in _name(child)]
