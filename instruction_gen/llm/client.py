@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from email.utils import parsedate_to_datetime
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import InputError, VlnpeError
 from .answers import Answer, AnswerError, answer_schema, read_answer
 from .budget import Budget, Usage
+from .reply import ReplyError, bound_body, content_of, retry_after, usage_of, within
 from .settings import API_KEY, LlmSettings
 
 Messages = Sequence[dict[str, Any]]
@@ -198,7 +198,12 @@ def openai_backend(
 
     key = os.environ.get(API_KEY) or "none"
     sdk = openai.OpenAI(
-        base_url=settings.base_url, api_key=key, timeout=settings.timeout_s, max_retries=0
+        base_url=settings.base_url,
+        api_key=key,
+        timeout=settings.timeout_s,
+        max_retries=0,
+        default_headers={"Accept-Encoding": "identity"},
+        http_client=openai.DefaultHttpxClient(event_hooks={"response": [bound_body]}),
     )
     forms: list[dict[str, Any]] = [{}]
     if structured:
@@ -206,23 +211,29 @@ def openai_backend(
         forms = [{"response_format": schema}, {"response_format": {"type": "json_object"}}, {}]
 
     def send(messages: Messages) -> Reply:
-        try:
-            done: Any = sdk.chat.completions.create(
+        def create() -> Any:
+            return sdk.chat.completions.create(
                 model=settings.model,
                 messages=list(messages),  # type: ignore[arg-type]
                 temperature=settings.temperature,
                 **forms[0],
             )
-            content = done.choices[0].message.content
+
+        try:
+            done = within(settings.timeout_s, create)
+            return Reply(content_of(done), usage_of(done, settings, messages))
         except openai.APIStatusError as error:
             raise _status(error, forms, key) from None
+        except ReplyError as error:
+            raise RetryableError(str(error)) from None
         except openai.APITimeoutError:
             raise RetryableError(f"no answer within {settings.timeout_s:g} s") from None
-        except openai.APIConnectionError:
-            raise RetryableError("the connection failed or was cut") from None
-        except (openai.OpenAIError, ValueError, AttributeError, IndexError, TypeError):
+        except openai.APIConnectionError as error:
+            known = isinstance(error.__cause__, ReplyError)
+            reason = str(error.__cause__) if known else "the connection failed or was cut"
+            raise RetryableError(reason) from None
+        except (openai.OpenAIError, ValueError, TypeError, AttributeError, RecursionError):
             raise RetryableError("the server's reply is no chat completion") from None
-        return Reply(content or "", _usage(done, settings))
 
     return send
 
@@ -234,7 +245,7 @@ def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
     """
     status = error.status_code
     if status in (408, 409, 429) or status >= 500:
-        return RetryableError(f"status {status}", _retry_after(error.response.headers))
+        return RetryableError(f"status {status}", retry_after(error.response.headers))
     if status in (400, 422) and len(forms) > 1:
         forms.pop(0)  # a server without structured output
         return RetryableError(f"status {status}", 0.0)
@@ -242,26 +253,3 @@ def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
     return InputError(
         f"the language model's server refuses: status {status} ({hints.get(status, 'bad request')})"
     )
-
-
-def _retry_after(headers: Any) -> float | None:
-    """Return seconds to wait, from seconds or an HTTP date; None if the server does not say."""
-    said = headers.get("retry-after", "")
-    try:
-        return max(0.0, float(said))
-    except (TypeError, ValueError):
-        pass
-    try:
-        return max(0.0, parsedate_to_datetime(said).timestamp() - time.time())
-    except (TypeError, ValueError):
-        return None
-
-
-def _usage(done: Any, settings: LlmSettings) -> Usage:
-    usage = getattr(done, "usage", None)
-    tokens_in = int(getattr(usage, "prompt_tokens", 0) or 0)
-    tokens_out = int(getattr(usage, "completion_tokens", 0) or 0)
-    cost = getattr(usage, "cost", None)
-    if not isinstance(cost, int | float):
-        cost = (tokens_in * settings.price_in + tokens_out * settings.price_out) / 1e6
-    return Usage(1, tokens_in, tokens_out, float(cost))

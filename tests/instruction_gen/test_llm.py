@@ -1,5 +1,6 @@
 """A language model as a writer, against a real HTTP server that misbehaves."""
 
+import gzip
 import json
 import logging
 import signal
@@ -208,6 +209,111 @@ def test_a_hanging_server_times_out(tmp_path):
         pytest.raises(ModelError, match=r"no answer within 0.3 s"),
     ):
         client_of(server, tmp_path, timeout_s=0.3, attempts=2).ask(ASK)
+
+
+HEAD = b"HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n"
+
+
+def endless(write, over):
+    write(HEAD + b"Content-Length: 5300000000\r\n\r\n")
+    for _ in range(1000):
+        write(b" " * (1 << 20))
+    raise AssertionError("a gigabyte was taken")
+
+
+def compressed(write, over):
+    body = gzip.compress(b" " * (100 << 20))
+    size = b"Content-Length: %d\r\n\r\n" % len(body)
+    write(HEAD + b"Content-Encoding: gzip\r\n" + size + body)
+
+
+def dripping(start):
+    def drip(write, over):
+        write(start)
+        while not over.wait(0.1):
+            write(b" ")
+
+    return drip
+
+
+@pytest.mark.parametrize(
+    ("what", "said"),
+    [
+        (endless, "has more than"),
+        (compressed, "is compressed"),
+        (dripping(HEAD + b"Content-Length: 5000\r\n\r\n"), "no answer within 1 s"),
+        (dripping(HEAD + b"X: "), "no answer within 1 s"),
+        (lambda write, over: write(HEAD + b"Content-Length: 9\r\n\r\n{"), "was cut"),
+    ],
+)
+def test_replies_without_end_are_cut_off(tmp_path, what, said):
+    begun = time.monotonic()
+    with Server(lambda n, r: what).running() as server, pytest.raises(ModelError, match=said):
+        client_of(server, tmp_path, timeout_s=1.0, attempts=1).ask(ASK)
+    assert time.monotonic() - begun < 5
+
+
+def with_content(content):
+    return (200, {}, {"choices": [{"message": {"role": "assistant", "content": content}}]})
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        (200, {}, "[" * 100_000),
+        (200, {}, '{"choices": ' + "[" * 100_000 + "]" * 100_000 + "}"),
+        (200, {}, "[]"),
+        (200, {}, '"text"'),
+        (200, {}, '{"choices": {}}'),
+        (200, {}, '{"choices": [3]}'),
+        (200, {}, '{"choices": [{"message": "text"}]}'),
+        with_content([{"type": "text", "text": "hello"}]),
+        with_content(3),
+        with_content({"a": 1}),
+        with_content("[" * 30_000),
+        with_content('{"instructions": ' + "[" * 10_000 + "]" * 10_000 + "}"),
+        with_content("\ud800{}"),
+    ],
+)
+def test_replies_of_other_types_are_tried_again(tmp_path, reply):
+    with Server(lambda n, r: reply).running() as server, pytest.raises(ModelError) as caught:
+        client_of(server, tmp_path, attempts=2).ask(ASK)
+    assert len(server.requests) == 2
+    assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize("value", ["NaN", "1e400", "-5", '"many"', "null", "[]", "true", "{}"])
+def test_impossible_usage_does_not_defeat_the_limits(tmp_path, value):
+    status, headers, body = completion(texts(*GOOD))
+    usage = dict.fromkeys(("prompt_tokens", "completion_tokens", "cost"), "?")
+    body = json.dumps(body | {"usage": usage}).replace('"?"', value)
+    with Server(lambda n, r: (status, headers, body)).running() as server:
+        client = client_of(server, tmp_path, price_in=1.0, price_out=1.0, max_tokens=50)
+        client.ask(ASK)
+        used = client.budget.used()
+        assert 50 < used.tokens_in + used.tokens_out < 500 and 0 < used.cost < 0.001
+        with pytest.raises(BudgetError):
+            client.ask([{"role": "user", "content": "more"}])
+
+
+@pytest.mark.parametrize(
+    ("said", "waited"),
+    [
+        ("Fri, 31 Dec 99999 23:59:59 GMT", 0.5),
+        ("Fri, 31 Dec 9999 23:59:59 GMT", 60.0),
+        ("1e400", 60.0),
+        ("nan", 0.5),
+        ("-5", 0.0),
+        ("soon", 0.5),
+        ("9" * 5000, 60.0),
+    ],
+)
+def test_any_retry_after_is_bounded(tmp_path, said, waited):
+    waits: list[float] = []
+    script = Server(lambda n, r: (503, {"Retry-After": said}, ""))
+    with script.running() as server, pytest.raises(ModelError):
+        client_of(server, tmp_path, waits, backoff_s=0.5, attempts=2).ask(ASK)
+    assert waits == [waited]
 
 
 def test_after_too_many_failures_it_stops_with_a_plain_message(tmp_path):

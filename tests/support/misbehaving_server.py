@@ -1,5 +1,6 @@
 """An OpenAI-compatible server that misbehaves on request, over real HTTP."""
 
+import contextlib
 import json
 import threading
 from collections.abc import Callable, Iterator
@@ -7,7 +8,8 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
-# What a script returns: (status, headers, body), or what to do with the connection.
+# What a script returns: (status, headers, body), what to do with the connection, or a function of
+# the connection's `write` and the event of the test's end.
 HANG, CUT = "hang", "cut"
 
 
@@ -49,6 +51,10 @@ class Server:
             def answer(self, what: Any) -> None:
                 if what == HANG:
                     server.release.wait(20)
+                    return
+                if callable(what):
+                    with contextlib.suppress(OSError):  # the client has left
+                        what(self.wfile.write, server.release)
                     return
                 status, headers, body = (200, {}, "") if what == CUT else what
                 data = (body if isinstance(body, str) else json.dumps(body)).encode()

@@ -3,7 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from unicodedata import normalize
 
 import numpy as np
@@ -277,7 +277,9 @@ STAIRS = {
 
 @pytest.mark.parametrize("form", ["NFC", "NFD"])
 @pytest.mark.parametrize("language", STAIRS)
-def test_stairs_are_known_in_every_language_of_rxr(language: str, form: str) -> None:
+def test_stairs_are_known_in_every_language_of_rxr(
+    language: str, form: Literal["NFC", "NFD"]
+) -> None:
     source = {"instruction": {"language": language} if language else {}}
     episodes = tuple(
         foreign(GOOD, name=k, instruction_text=normalize(form, text), source=source)

@@ -92,6 +92,7 @@ class RayExecutor(Executor):
 
     def _all_answer(self) -> bool:
         """Return whether all machines that Ray counts as alive run a task; update `_alive`."""
+        from ray.exceptions import RayError
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         self._alive = self._machines()
@@ -102,7 +103,7 @@ class RayExecutor(Executor):
         ]
         try:
             self._ray.get(probes, timeout=SETTLE_S)
-        except self._ray.exceptions.RayError:
+        except RayError:
             return False
         return self._machines() == self._alive
 
