@@ -94,18 +94,22 @@ def usage_of(
     """
     usage = getattr(completion, "usage", None)
 
-    def tokens(name: str, text: Callable[[], str]) -> int:
-        value = getattr(usage, name, None)
-        if _is_number(value, MAX_TOKENS):
-            return int(value)
-        return math.ceil(len(text()) / _CHARACTERS_PER_TOKEN)
+    def number(name: str) -> float | None:
+        value: Any = getattr(usage, name, None)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        return float(value) if 0 <= value <= MAX_TOKENS else None
 
-    tokens_in = tokens("prompt_tokens", lambda: "".join(map(_text, messages)))
-    tokens_out = tokens("completion_tokens", lambda: content_of(completion))
-    cost = getattr(usage, "cost", None)
-    if not _is_number(cost, MAX_TOKENS):
+    def tokens(name: str, characters: int) -> int:
+        stated = number(name)
+        return math.ceil(characters / _CHARACTERS_PER_TOKEN if stated is None else stated)
+
+    tokens_in = tokens("prompt_tokens", sum(len(_text(message)) for message in messages))
+    tokens_out = tokens("completion_tokens", len(content_of(completion)))
+    cost = number("cost")
+    if cost is None:
         cost = (tokens_in * settings.price_in + tokens_out * settings.price_out) / 1e6
-    return Usage(1, tokens_in, tokens_out, float(cost))
+    return Usage(1, tokens_in, tokens_out, cost)
 
 
 def retry_after(headers: Mapping[str, str]) -> float | None:
@@ -119,10 +123,6 @@ def retry_after(headers: Mapping[str, str]) -> float | None:
         except (TypeError, ValueError, OverflowError):
             return None
     return None if math.isnan(seconds) else max(0.0, seconds)
-
-
-def _is_number(value: Any, most: float) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= most
 
 
 def _text(message: Mapping[str, Any]) -> str:

@@ -2,14 +2,15 @@
 
 import json
 import secrets
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import SplitResult, parse_qs, urlsplit
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from .decisions import Decision, DecisionFile, agreement
 _PAGES = {"/": ("index.html", "text/html"), "/review.js": ("review.js", "text/javascript")}
 _PAGES["/review.css"] = ("review.css", "text/css")
 _LONGEST_BODY = 20_000
+# What values of other types, nested JSON and numbers beyond limits raise.
+_MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
 class Review:
@@ -162,22 +165,46 @@ def make_server(review: Review, port: int = 0) -> tuple[ThreadingHTTPServer, str
         pass
 
     Handler.review, Handler.token = review, token
-    server = ThreadingHTTPServer(("127.0.0.1", port), Handler)
-    server.daemon_threads = True
+    server = _Server(("127.0.0.1", port), Handler)
     Handler.port = server.server_address[1]
     return server, f"http://127.0.0.1:{Handler.port}/?token={token}"
 
 
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing of a client that has left or is too slow."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
+
+
 class _Handler(BaseHTTPRequestHandler):
+    timeout = 30  # in seconds, for a client that sends less than it announces
     review: Review
     token: str
     port: int
 
     def do_GET(self) -> None:
         """Serve pages, paths and films."""
-        parts = urlsplit(self.path)
-        if not self._allowed(parts.query):
-            return
+        self._answer(self._get)
+
+    def do_POST(self) -> None:
+        """Handle checks while typing, and decisions."""
+        self._answer(self._post)
+
+    def _answer(self, answer: Callable[[SplitResult], None]) -> None:
+        """Answer a request of our own page; 400 where it is malformed, 409 where it is refused."""
+        try:
+            parts = urlsplit(self.path)
+            if self._allowed(parts.query):
+                answer(parts)
+        except VlnpeError as error:
+            self._json({"ok": False, "error": str(error)}, HTTPStatus.CONFLICT)
+        except _MALFORMED:
+            self._send(HTTPStatus.BAD_REQUEST, b"", "text/plain")
+
+    def _get(self, parts: SplitResult) -> None:
         if parts.path in _PAGES:
             name, kind = _PAGES[parts.path]
             page = (files(__package__) / "page" / name).read_bytes()
@@ -198,29 +225,20 @@ class _Handler(BaseHTTPRequestHandler):
         else:
             self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
 
-    def do_POST(self) -> None:
-        """Handle checks while typing, and decisions."""
-        parts = urlsplit(self.path)
-        if not self._allowed(parts.query):
-            return
-        size = int(self.headers.get("Content-Length") or 0)
-        if not 0 < size <= _LONGEST_BODY:
+    def _post(self, parts: SplitResult) -> None:
+        size = int(self.headers.get("Content-Length", ""))
+        if size > _LONGEST_BODY:
             self._send(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, b"", "text/plain")
             return
-        try:
-            body = json.loads(self.rfile.read(size))
-            if parts.path == "/api/check":
-                name, number = str(body["path"]), int(body["number"])
-                self._json(self.review.check(name, number, str(body["text"])))
-            elif parts.path == "/api/decide":
-                self.review.decide(str(body["annotator"]).strip()[:60], body)
-                self._json({"ok": True})
-            else:
-                self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
-        except VlnpeError as error:
-            self._json({"ok": False, "error": str(error)}, HTTPStatus.CONFLICT)
-        except (ValueError, KeyError, IndexError, TypeError, AttributeError):
-            self._send(HTTPStatus.BAD_REQUEST, b"", "text/plain")
+        body = json.loads(self.rfile.read(max(size, 0)))
+        if parts.path == "/api/check":
+            name, number = str(body["path"]), int(body["number"])
+            self._json(self.review.check(name, number, str(body["text"])))
+        elif parts.path == "/api/decide":
+            self.review.decide(str(body["annotator"]).strip()[:60], body)
+            self._json({"ok": True})
+        else:
+            self._send(HTTPStatus.NOT_FOUND, b"", "text/plain")
 
     def _allowed(self, query: str) -> bool:
         """Return whether the token is right and the request comes from our own page."""

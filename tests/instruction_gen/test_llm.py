@@ -222,7 +222,7 @@ def endless(write, over):
 
 
 def compressed(write, over):
-    body = gzip.compress(b" " * (100 << 20))
+    body = gzip.compress(b" " * (8 << 20), 1)
     size = b"Content-Length: %d\r\n\r\n" % len(body)
     write(HEAD + b"Content-Encoding: gzip\r\n" + size + body)
 
@@ -241,16 +241,16 @@ def dripping(start):
     [
         (endless, "has more than"),
         (compressed, "is compressed"),
-        (dripping(HEAD + b"Content-Length: 5000\r\n\r\n"), "no answer within 1 s"),
-        (dripping(HEAD + b"X: "), "no answer within 1 s"),
+        (dripping(HEAD + b"Content-Length: 5000\r\n\r\n"), "no answer within 2 s"),
+        (dripping(HEAD + b"X: "), "no answer within 2 s"),
         (lambda write, over: write(HEAD + b"Content-Length: 9\r\n\r\n{"), "was cut"),
     ],
 )
 def test_replies_without_end_are_cut_off(tmp_path, what, said):
     begun = time.monotonic()
     with Server(lambda n, r: what).running() as server, pytest.raises(ModelError, match=said):
-        client_of(server, tmp_path, timeout_s=1.0, attempts=1).ask(ASK)
-    assert time.monotonic() - begun < 5
+        client_of(server, tmp_path, timeout_s=2.0, attempts=1).ask(ASK)
+    assert time.monotonic() - begun < 8
 
 
 def with_content(content):

@@ -3,6 +3,8 @@
 import http.client
 import json
 import shutil
+import socket
+import struct
 import threading
 from contextlib import contextmanager
 from urllib.parse import urlsplit
@@ -22,7 +24,7 @@ from vlnpe.instruction_gen.review.decisions import (
     agreement,
     apply_decisions,
 )
-from vlnpe.instruction_gen.review.server import Review, make_server
+from vlnpe.instruction_gen.review.server import Review, _Handler, make_server
 
 
 @pytest.fixture
@@ -120,6 +122,74 @@ def test_only_our_page_with_the_token_is_served(review):
         assert ask(address, "/api/decide", {"path": "p0"})[0] == 400
         assert ask(address, "/../../etc/passwd")[0] == 404
         assert address.startswith("http://127.0.0.1:")
+
+
+def exchange(address, request: bytes) -> bytes:
+    """Send bytes as they are; `TOKEN` in them is the page's. Return the status line."""
+    parts = urlsplit(address)
+    request = request.replace(b"TOKEN", parts.query.removeprefix("token=").encode())
+    request = request.replace(b"HOST", parts.netloc.encode())
+    with socket.create_connection((parts.hostname, parts.port), timeout=10) as connection:
+        connection.sendall(request)
+        connection.shutdown(socket.SHUT_WR)
+        return connection.makefile("rb").readline()
+
+
+def post(path: bytes, body: bytes, size: bytes | None = None) -> bytes:
+    size = b"%d" % len(body) if size is None else size
+    head = b"POST " + path + b"?token=TOKEN HTTP/1.1\r\nHost: HOST\r\nContent-Length: "
+    return head + size + b"\r\n\r\n" + body
+
+
+GET = b"GET %s HTTP/1.1\r\nHost: HOST\r\n\r\n"
+DECISION = b'{"annotator": "a", "path": "p0", "number": %s, "action": "accept"}'
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        GET % b"/api/path?number=abc&token=TOKEN",
+        GET % (b"/api/path?number=" + b"9" * 5000 + b"&token=TOKEN"),
+        GET % b"/api/path?number=1e400&token=TOKEN",
+        GET % b"http://[/api/path?token=TOKEN",
+        *(post(b"/api/check", b"{}", size) for size in (b"abc", b"", b"-5", b"1e3", b"0x2")),
+        post(b"/api/decide", b"[" * 15_000),
+        post(b"/api/decide", b'{"a":' * 3000),
+        *(post(b"/api/decide", body) for body in (b"", b"3", b"null", b"[]", b"\xff", b'"x"')),
+        *(post(b"/api/decide", DECISION % number) for number in (b"1e400", b"NaN", b"[]", b"-1")),
+        *(post(b"/api/decide", DECISION % number) for number in (b"null", b"99", b'"abc"')),
+        post(b"/api/check", b'{"path": "p9", "number": 0, "text": "x"}'),
+        post(b"/api/decide", b"{}", b"5000"),
+    ],
+)
+def test_malformed_requests_get_400_and_leave_no_trace(review, request_, capfd):
+    with serving(review) as address:
+        assert b" 400 " in exchange(address, request_)
+        assert ask(address, "/api/path?number=0")[0] == 200
+    assert capfd.readouterr().err == ""
+    assert not review.file.path.exists() or not review.file.current()
+
+
+def test_clients_that_disconnect_leave_no_trace(review, capfd, monkeypatch):
+    monkeypatch.setattr(_Handler, "timeout", 0.3)
+    reset = struct.pack("ii", 1, 0)
+    with serving(review) as address:
+        parts = urlsplit(address)
+        for request in (b"", b"GET", GET % b"/review.js?token=TOKEN", post(b"/api/check", b"{")):
+            request = request.replace(b"TOKEN", parts.query.removeprefix("token=").encode())
+            request = request.replace(b"HOST", parts.netloc.encode())
+            for hard in (True, False):
+                connection = socket.create_connection((parts.hostname, parts.port), timeout=10)
+                connection.sendall(request)
+                if hard:  # close with a reset
+                    connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, reset)
+                connection.close()
+        slow = socket.create_connection((parts.hostname, parts.port), timeout=10)
+        slow.sendall(b"POST /api/check HTTP/1.1\r\nHost: x")
+        assert slow.recv(100) == b""  # hung up on
+        slow.close()
+        assert ask(address, "/api/path?number=0")[0] == 200
+    assert capfd.readouterr().err == ""
 
 
 def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
