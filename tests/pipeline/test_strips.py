@@ -8,7 +8,7 @@ import pytest
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.rows import Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.stages.report import strip_items
+from vlnpe.pipeline.report.items import strip_items
 
 EGO, CHASE = "ego-64x64", "chase-64x64"
 
