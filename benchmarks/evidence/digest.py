@@ -11,7 +11,7 @@ import numpy as np
 from benchmarks.evidence.cells import Bench, asked, results_of
 from benchmarks.evidence.judge import METRICS, Walks
 from benchmarks.evidence.records import Row, Table, Training
-from vlnpe.evaluation.policy import checkpoint_path
+from vlnpe.evaluation.policy_registry import resolve_policy
 from vlnpe.evaluation.results import COLUMNS, by_uid, read_results, uid_of
 from vlnpe.formats.core.atomic import atomic_file, file_digest
 from vlnpe.formats.core.errors import FileFormatError, InputError
@@ -215,7 +215,7 @@ def _cell(path: Path, uids: list[str], instructions: str) -> dict[str, Any]:
         "gait_sha256": setting.get("gait_sha256"),
         "values": values,
     }
-    checkpoint = checkpoint_path(str(setting["policy"]))
+    checkpoint = resolve_policy(str(setting["policy"])).checkpoint
     if checkpoint is not None:
         card, digest = read_card(checkpoint)
         cell |= {
