@@ -1,4 +1,4 @@
-"""Means with intervals, and the comparison of two evaluations on the same episodes."""
+"""Means with intervals over episodes, scenes and seeds, and comparisons on the same episodes."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import beta, binomtest
+from scipy.stats import beta, binomtest, norm
+from scipy.stats import t as student_t
+
+from ..formats.core.errors import InputError
 
 RESAMPLES = 2000
 LEVEL = 0.95
@@ -100,6 +103,135 @@ def _exact(mean: float, paths: int) -> Interval:
     low = beta.ppf(tail, good, paths - good + 1) if mean > 0 else 0.0
     high = beta.ppf(1 - tail, good + 1, paths - good) if mean < 100 else 1.0
     return Interval(mean, 100 * float(low), 100 * float(high))
+
+
+@dataclass(frozen=True)
+class Trials:
+    """One metric of a policy's walks under all its seeds.
+
+    Attributes:
+        uids, scenes, trajectories: (N,) of the episodes.
+        values: (S, N), one row per seed; NaN where a walk has no result.
+    """
+
+    uids: tuple[str, ...]
+    scenes: tuple[str, ...]
+    trajectories: tuple[str, ...]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Variance:
+    """A variance of a mean, and the degrees of freedom with which it was estimated."""
+
+    value: float
+    freedom: int
+
+    def scaled(self, factor: int) -> "Variance":
+        """Return the variance that `factor` times as many samples would have."""
+        return Variance(self.value / factor, (self.freedom + 1) * factor - 1)
+
+
+@dataclass(frozen=True)
+class Difference(Interval):
+    """A difference of means with its interval.
+
+    Attributes:
+        seeds, scenes: the variances between seeds (of both policies), and between scenes and paths.
+    """
+
+    seeds: tuple[Variance, Variance]
+    scenes: Variance
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the interval: about the smallest difference that it can show."""
+        return (self.high - self.low) / 2
+
+    @property
+    def seeds_share(self) -> float:
+        """Part of the variance that lies between seeds, 0 to 1; NaN if nothing varies."""
+        between = sum(part.value for part in self.seeds)
+        total = between + self.scenes.value
+        return between / total if total else math.nan
+
+    def factor_to_show(self, difference: float, most: int = 1000) -> int | None:
+        """Return by what factor seeds and scenes must grow for so small a difference to be shown.
+
+        None if it is more than `most`, or nothing says how much the means vary.
+        """
+        parts = (*self.seeds, self.scenes)
+        for factor in range(1, most + 1):
+            if _half_width([part.scaled(factor) for part in parts]) <= difference:
+                return factor
+        return None
+
+
+def mean_over_seeds(trials: Trials, *, rate: bool) -> Interval:
+    """Return the mean with its 95 % interval over seeds and scenes; see `difference`.
+
+    Args:
+        rate: values are 0 or 100; the interval stays within, and where nothing varies it is
+            Clopper's and Pearson's.
+    """
+    values = trials.values
+    mean = float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+    if rate and mean in (0.0, 100.0):
+        place = (trials.scenes, trials.trajectories, np.random.default_rng(0))
+        exact = clustered_interval(values[0], *place, rate=True)
+        return Interval(mean, exact.low, exact.high)
+    half = _half_width([_between_seeds(values), _between_scenes(trials, values.mean(0))])
+    low, high = mean - half, mean + half
+    return Interval(mean, max(low, 0.0), min(high, 100.0)) if rate else Interval(mean, low, high)
+
+
+def difference(more: Trials, less: Trials) -> Difference:
+    """Return the difference of two policies' means with its 95 % interval over seeds and scenes.
+
+    Three variances are added, and the width is Student's t with the degrees of freedom of the sum
+    (Welch, 1947; Satterthwaite, 1946): of each policy's mean over its seeds, and of the seeds' mean
+    difference over scenes and paths (the clustered bootstrap), paired by episode. With few seeds an
+    interval from resampled seeds alone would be much too narrow. One seed says nothing of others,
+    so the interval does not cover them. With fewer than `LEAST_PATHS` paths the bounds are NaN.
+
+    Raises:
+        InputError: The policies did not walk the same episodes.
+    """
+    if more.uids != less.uids:
+        raise InputError("the rows to compare have not walked the same episodes")
+    paired = more.values.mean(0) - less.values.mean(0)
+    mean = float(np.nanmean(paired)) if np.isfinite(paired).any() else math.nan
+    seeds = _between_seeds(more.values), _between_seeds(less.values)
+    scenes = _between_scenes(more, paired)
+    half = _half_width([*seeds, scenes])
+    return Difference(mean, mean - half, mean + half, seeds, scenes)
+
+
+def _between_seeds(values: NDArray[np.float64]) -> Variance:
+    count = len(values)
+    if count < 2:
+        return Variance(0.0, 0)
+    return Variance(float(np.nanmean(values, 1).var(ddof=1) / count), count - 1)
+
+
+def _between_scenes(trials: Trials, values: NDArray[np.float64]) -> Variance:
+    """Return the variance of the mean of values (N,) over scenes, and paths within them."""
+    found = clustered_interval(values, trials.scenes, trials.trajectories, np.random.default_rng(0))
+    error = (found.high - found.low) / (2 * norm.ppf((1 + LEVEL) / 2))
+    count = len(set(trials.scenes))
+    if count < 2:  # one scene: other paths in it
+        return Variance(float(error**2), len(set(trials.trajectories)) - 1)
+    # A bootstrap variance is that of n values divided by n, not n − 1.
+    return Variance(float(error**2 * count / (count - 1)), count - 1)
+
+
+def _half_width(parts: Sequence[Variance]) -> float:
+    """Return half the width of the interval of a sum of independent parts."""
+    total = sum(part.value for part in parts)
+    spread = sum(part.value**2 / max(part.freedom, 1) for part in parts)
+    if spread == 0:
+        return 0.0  # nothing varies
+    return float(student_t.ppf((1 + LEVEL) / 2, total**2 / spread) * math.sqrt(total))
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,9 @@
     mixtures:                     # what to train on: sources with weights
       alone: [humanoid]
       both: {humanoid: 1.0, quadruped: 2.0}
-    evaluate: [humanoid]          # for `vlnpe ablate`: whose held-out episodes are predicted
+    comparison:                   # for `vlnpe ablate`, see `comparison.py`
+      tests: {h1: {robot: h1, controller: speed}}
+      claims: [{text: the quadruped's data helps, more: both, less: alone}]
 
 A source without `data` looks for datasets in all runs under the folder given to the command.
 """
@@ -22,6 +24,7 @@ from typing import Any
 from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief, check_name
 from ...formats.core.rollout import EndReason
 from ...formats.untrusted.yaml_document import read_yaml
+from .comparison import Claim, Comparison, Row, Test
 
 VERSION = 1
 OUTCOMES = tuple(str(reason) for reason in EndReason)
@@ -30,6 +33,9 @@ NO_HOLDOUT = "none"
 HOLDOUTS = ("auto", "split", "scene", "trajectory", NO_HOLDOUT)
 EVERYTHING = ("**/lerobot/*",)
 OWN_VIEW = "ego"
+# Fields whose defaults do not show their types.
+_NUMBERS = ("camera_height_m", "camera_pitch_deg")
+_TEXTS = ("title", "text", "more", "less")
 
 
 @dataclass(frozen=True)
@@ -91,21 +97,19 @@ class Recipe:
         title: what it asks.
         sources: by name.
         mixtures: by name, in the order of the table's rows.
-        evaluate: sources whose held-out episodes an ablation predicts; all of them by default.
-        compare: pairs of mixtures whose difference is of interest: (with, without).
-        holdout: what an ablation holds out: published splits (`val_seen`, `val_unseen`), whole
+        comparison: what `vlnpe ablate` compares; None if nothing.
+        holdout: what trainings hold out: published splits (`val_seen`, `val_unseen`), whole
             scenes, trajectories, or `auto`: published splits where there are any, else scenes
             where there are several. `none` trains on everything.
         holdout_fraction: how much of it.
-        seed: of the order of the draws, and the first of an ablation's.
-        train: settings of an ablation's training, see `vlnpe.learning.config`.
+        seed: of the order of the draws, and the first of a comparison's.
+        train: settings of the trainings, see `vlnpe.learning.config`.
     """
 
     title: str
     sources: Mapping[str, Source]
     mixtures: Mapping[str, Mixture]
-    evaluate: tuple[str, ...] = ()
-    compare: tuple[tuple[str, str], ...] = ()
+    comparison: Comparison | None = None
     holdout: str = "auto"
     holdout_fraction: float = 0.25
     seed: int = 0
@@ -121,8 +125,9 @@ class Recipe:
                     f"source {name!r}: fraction {source.fraction}; valid: above 0, up to 1"
                 )
         _known("holdout", [self.holdout], HOLDOUTS)
-        _known("source to evaluate", self.evaluate, self.sources)
-        _known("mixture to compare", [n for pair in self.compare for n in pair], self.mixtures)
+        if self.comparison is not None:
+            trained = [row.mixture for row in self.comparison.rows.values() if row.mixture]
+            _known("mixture in a row of the comparison:", trained, self.mixtures)
         if not 0.0 < self.holdout_fraction < 1.0:
             raise InputError(f"holdout_fraction {self.holdout_fraction}; valid: between 0 and 1")
         for name, mixture in self.mixtures.items():
@@ -173,15 +178,30 @@ def recipe_of(value: Any) -> Recipe:
         str(name): _mixture(str(name), entry)
         for name, entry in _mapping("mixtures", top.pop("mixtures", None)).items()
     }
-    pairs = top.pop("compare", [])
-    if not isinstance(pairs, list) or any(
-        not isinstance(pair, list) or len(pair) != 2 for pair in pairs
-    ):
-        raise InputError("compare: not a list of pairs; valid: [[with, without], …]")
-    top["compare"] = tuple((str(a), str(b)) for a, b in pairs)
+    if "comparison" in top:
+        top["comparison"] = _comparison(top["comparison"], mixtures)
     top.setdefault("title", "")
-    top["train"] = _mapping("train", top.get("train") or {})
     return _record(Recipe, "recipe", top | {"sources": sources, "mixtures": mixtures})
+
+
+def _comparison(value: Any, mixtures: Mapping[str, Mixture]) -> Comparison:
+    top = _mapping("comparison", value)
+    rows = top.pop("rows", {name: {"mixture": name} for name in mixtures})
+    claims = top.pop("claims", [])
+    if not isinstance(claims, list):
+        raise InputError(f"comparison: claims: {brief(claims)}; valid: a list")
+    top |= {
+        "tests": {
+            str(name): _record(Test, f"test {brief(name)}", entry)
+            for name, entry in _mapping("comparison: tests", top.get("tests")).items()
+        },
+        "rows": {
+            str(name): _record(Row, f"row {brief(name)}", entry)
+            for name, entry in _mapping("comparison: rows", rows).items()
+        },
+        "claims": tuple(_record(Claim, "a claim", entry) for entry in claims),
+    }
+    return _record(Comparison, "comparison", top)
 
 
 def _mixture(name: str, value: Any) -> Mixture:
@@ -216,14 +236,18 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
         check_name(f"key in {what}:", key, known)
         default = known[key].default
         where = f"{what}: {key}"
-        if isinstance(default, tuple) and key != "compare":
+        if isinstance(entry, tuple):
+            continue  # read already
+        if isinstance(default, tuple):
             given[key] = _strings(where, entry)
-        elif isinstance(default, float):
+        elif isinstance(default, float) or key in _NUMBERS:
             given[key] = _number(where, entry)
         elif isinstance(default, int):
             if not isinstance(entry, int) or isinstance(entry, bool) or entry < 0:
                 raise InputError(f"{where}: {brief(entry)}; valid: a whole number of at least 0")
-        elif (isinstance(default, str) or key == "title") and not isinstance(entry, str):
+        elif key == "train":
+            given[key] = _mapping(where, entry or {})
+        elif (isinstance(default, str) or key in _TEXTS) and not isinstance(entry, str):
             raise InputError(f"{where}: {brief(entry)}; valid: text")
     missing = [n for n, f in known.items() if f.default is MISSING and n not in given]
     needed = [n for n in missing if known[n].default_factory is MISSING]

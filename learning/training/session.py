@@ -1,12 +1,16 @@
 """One training from a recipe to a checkpoint: data, holdout, card."""
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 
+from ...datasets.episode_index import episode_tables
 from ...datasets.instructions import InstructionChoice
 from ...datasets.mixture.choice import Library, choose_all
 from ...datasets.mixture.plan import MixturePlan, plan_mixture
@@ -14,8 +18,11 @@ from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
+from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
+from ...formats.core.source import code_digest
+from ...formats.lerobot.layout import STATS_PATH
 from ..camera import view_of
 from ..card import Card, View
 from ..checkpoint import Checkpoint, load_checkpoint
@@ -47,6 +54,7 @@ class Request:
             those of the recipe.
         cache: folder of decoded images; `out`/cache when None.
         recipe_sha256: digest of the recipe's file.
+        holdout: what to hold out; chosen from the mixture's own episodes when None.
     """
 
     recipe: Recipe
@@ -61,6 +69,7 @@ class Request:
     augmented: tuple[Path, ...] = ()
     cache: Path | None = None
     recipe_sha256: str = ""
+    holdout: Holdout | None = None
 
 
 @dataclass(frozen=True)
@@ -120,22 +129,52 @@ def plan_training(request: Request) -> Planned:
     library = Library(request.data)
     used = choose_all(recipe, recipe.mixtures[name].weights, library)
     found = {source: selection for source, (selection, _) in used.items()}
-    holdout = _holdout(recipe, found)
+    holdout = request.holdout or _holdout(recipe, found)
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in found.items()}
     view = view_of([s.selection for s in plan.sources])
     return Planned(config, name, plan, holdout, held, view, start)
 
 
-def train_recipe(request: Request, *, show: bool = True) -> Result:
+def training_key(planned: Planned, seed: int) -> str:
+    """Return a digest of everything that the weights of a new training depend on.
+
+    Frames are identified by their statistics, episodes by their names, labels and instructions.
+    """
+
+    def episodes(selection: Selection) -> list[Any]:
+        files = [
+            file_digest(path)
+            for index in selection.datasets
+            for path in (index.root / STATS_PATH, *episode_tables(index.root))
+        ]
+        return [selection.digest, selection.row.tolist(), files]
+
+    facts = {
+        "config": planned.config.to_json() | {"seeds": 0},
+        "sources": [[s.name, s.share, episodes(s.selection)] for s in planned.plan.sources],
+        "held": {name: episodes(selection) for name, selection in planned.held.items()},
+        "seed": seed,
+        "code": code_digest("learning.training.session"),
+        "torch": torch.__version__,
+    }
+    return hashlib.blake2b(json.dumps(facts, sort_keys=True).encode(), digest_size=6).hexdigest()
+
+
+def train_recipe(request: Request, planned: Planned | None = None, *, show: bool = True) -> Result:
     """Train one mixture of a recipe; the same request and folder again resumes.
+
+    Args:
+        request: what to train.
+        planned: what `plan_training` returned of it, if that was called already.
+        show: whether to show progress bars.
 
     Raises:
         InputError: settings or data that are not valid.
         FileFormatError: damaged data, weights or state.
     """
     recipe, out = request.recipe, request.out
-    planned = plan_training(request)
+    planned = planned or plan_training(request)
     config, plan = planned.config, planned.plan
     seed = recipe.seed if request.seed is None else request.seed
     start = planned.start

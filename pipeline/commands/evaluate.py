@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import controller_for
+from ...collectors.robots import RobotSpec
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
 from ...evaluation.policy import ModelUse
@@ -96,29 +97,11 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
             f"--actions {options.actions}: policy {policy.name} outputs {DISCRETE} actions; "
             f"valid: {DISCRETE}, --policy ws://HOST:PORT, or {WAYPOINTS} of --policy {MAP}"
         )
-    robots = chosen_robots(options.robot)
-    if len(robots) != 1:
-        raise InputError(f"--robot {options.robot}: an evaluation runs one robot")
-    (robot,) = robots
-    if options.controller == AUTO:
-        controller = auto_controller(robot, controllers_for(options.actions), "speed")
-        options = replace(options, controller=controller)
-    controller_for(robot, options.controller)
-    check_kind(options.actions, options.controller)
     card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
-    overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
-    camera = options.camera
-    if card is not None and camera == Evaluate.camera:  # that of its training data
-        camera = card.view.camera(camera)
-    views = chosen_views(camera, options.light, options.renderer, robot, overrides)
-    if len(views) != 1 or views[0].kind != "ego":
-        raise InputError(
-            f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
-            "robot's own (ego), under one light"
-        )
-    (view,) = views
+    robot, controller, view = chosen_test(options, card)
+    options = replace(options, controller=controller)
     if card is not None:
-        test = {"robot": robot.name, "controller": options.controller, "light": options.light}
+        test = {"robot": robot.name, "controller": controller, "light": options.light}
         _warn_of_other_training(policy.name, card, test)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
@@ -181,6 +164,39 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
         if options.films > 0:
             policy_report.write(context, rows, value, view=view, scenes=folder, films=options.films)
     return Evaluation(out, scenes_folder, value)
+
+
+def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, View]:
+    """Return the robot, the controller and the camera that a policy is tested with.
+
+    Args:
+        options: The command's.
+        card: Of a learned policy, whose default camera is that of its training data.
+
+    Raises:
+        InputError: If a name is unknown, or robot, controller, camera and light do not suit each
+            other.
+    """
+    robots = chosen_robots(options.robot)
+    if len(robots) != 1:
+        raise InputError(f"--robot {options.robot}: an evaluation runs one robot")
+    (robot,) = robots
+    controller = options.controller
+    if controller == AUTO:
+        controller = auto_controller(robot, controllers_for(options.actions), "speed")
+    controller_for(robot, controller)
+    check_kind(options.actions, controller)
+    overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    camera = options.camera
+    if card is not None and camera == Evaluate.camera:
+        camera = card.view.camera(camera)
+    views = chosen_views(camera, options.light, options.renderer, robot, overrides)
+    if len(views) != 1 or views[0].kind != "ego":
+        raise InputError(
+            f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
+            "robot's own (ego), under one light"
+        )
+    return robot, controller, views[0]
 
 
 def _write_mcap(

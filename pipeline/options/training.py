@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from ...datasets.mixture.shipped import SHIPPED
-from .shared import Printing
+from .shared import Parallel, Printing
 
 RECIPE = tyro.conf.arg(
     metavar="RECIPE",
@@ -100,23 +100,42 @@ class Train(Printing):
 
 
 @dataclass(frozen=True)
-class Ablate(Printing):
-    """Train a compact agent on each mixture of a recipe and evaluate it on held-out episodes.
+class Ablate(Parallel):
+    r"""Compare training data: train a policy on each mixture of a recipe and let it walk.
 
-    Writes table.md, results.json, plot.png and index.html. Run the same command again to resume
-    after an interruption.
+    Every row of the recipe's `comparison` is trained with several seeds; then each policy walks the
+    same held-out episodes in closed loop, as in `vlnpe evaluate`. Writes results.json, report.md
+    and report.html: success rates, and for each claim the difference with its 95 % interval over
+    seeds and scenes, whether it is shown, and how much more would show a smaller one. Run the same
+    command again to resume after an interruption; what is finished is not done again.
+
+    Example: does adding the quadruped's data help the humanoid? (under an hour on two cores)
+      vlnpe collect --robot h1,aliengo --controller speed --scene 'builtin-exact:apartment*14' \
+        --train-scenes 10 --splits train=160,val_unseen=48 --allow-fewer --camera ego:64x64 \
+        --no-mcap --out runs/both
+      vlnpe ablate quadruped_for_humanoid --data runs/both
     """
 
     recipe: Annotated[tyro.conf.Positional[str], RECIPE]
     data: Path = Path("runs")
     """Folder of the runs that contain the datasets."""
+    run: Path | None = None
+    """Run folder with the scenes and episodes to walk; defaults to the only run in --data. Only
+    episodes are walked that no row is trained on."""
+    split: str | None = None
+    """Walk only held-out episodes of this split, for example val_unseen."""
     out: Path = Path("runs/ablation")
-    """Output folder for results, checkpoints and decoded images."""
+    """Output folder for results, checkpoints, walks and decoded images."""
+    rows: str = ""
+    """Rows to measure, separated by semicolons; all by default. Rows whose data is missing are left
+    out with a warning."""
+    walks: int | None = None
+    """Maximum number of episodes that each policy walks; overrides the recipe."""
     steps: int | None = None
-    """Training steps per mixture and seed; overrides the recipe."""
+    """Training steps; overrides the recipe. Rows with steps of their own keep their ratio."""
     seeds: int | None = None
-    """Number of seeds per mixture; overrides the recipe."""
+    """Number of trainings per row; overrides the recipe."""
     device: str | None = None
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
-    """Number of torch threads; 0 uses one per core."""
+    """Number of torch threads in training; 0 uses one per core."""

@@ -1,50 +1,48 @@
-"""`vlnpe ablate`: train a compact agent on each mixture of a recipe and compare the results."""
+"""`vlnpe ablate`: train a policy on each mixture of a recipe, let it walk, and compare."""
 
 import json
 import sys
-from typing import Any
 
-from ....formats.core.atomic import sweep, write_bytes, write_json
+from ....formats.core.atomic import file_digest, sweep
+from ....formats.core.errors import InputError
+from ...engine.lock import lock
 from ...options.training import Ablate
 from .missing import commands_for_missing
 from .threads import start_torch
 
-TABLE, RESULTS, PLOT, PAGE = "table.md", "results.json", "plot.png", "index.html"
-
 
 def run(options: Ablate) -> int:
-    """Run the ablation and write its report.
+    """Run the ablation and write its report after every cell.
 
     Raises:
         InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
     """
+    for name in ("seeds", "steps", "walks"):
+        if (value := getattr(options, name)) is not None and value < 1:
+            raise InputError(f"--{name} {value}; valid: 1 or more")
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path
-    from ....learning.ablation.page import plot_png, report_html
-    from ....learning.ablation.report import estimates, report_json, report_markdown
-    from ....learning.ablation.run import run_ablation
+    from ...ablation.cells import CellResult, measure
+    from ...ablation.page import markdown, write_page
+    from ...ablation.plan import plan_ablation
+    from ...ablation.results import results_json, write_results
 
-    recipe = read_recipe(recipe_path(options.recipe))
-    changes: dict[str, Any] = {
-        name: value
-        for name in ("steps", "seeds", "device")
-        if (value := getattr(options, name)) is not None
-    }
-    if options.out.is_dir():
-        sweep(options.out)
+    path = recipe_path(options.recipe)
     with commands_for_missing(options.data):
-        ablation = run_ablation(recipe, options.data, options.out, changes)
-    picture = plot_png(estimates(ablation), recipe.title)
-    markdown = report_markdown(ablation, PLOT)
-    value = report_json(ablation)
-    out = options.out
-    write_bytes(out / PLOT, picture)
-    write_bytes(out / TABLE, markdown.encode())
-    write_json(out / RESULTS, value)
-    page = report_html(markdown, PLOT, picture)
-    write_bytes(out / PAGE, page.encode())
-    sys.stdout.write(f"{markdown}\n{out / PAGE}\n")
+        ablation = plan_ablation(options, read_recipe(path), file_digest(path))
+    options.out.mkdir(parents=True, exist_ok=True)
+    cells: dict[tuple[str, str, int], CellResult] = {}
+    value = results_json(ablation, cells)
+    with lock(options.out):
+        sweep(options.out)
+        for cell, result in measure(ablation, options):
+            cells[cell] = result
+            value = results_json(ablation, cells)
+            write_results(options.out, value)
+            write_page(options.out, value)
     if options.json:
-        sys.stdout.write(json.dumps({"report": str(out / PAGE), **value}) + "\n")
-    return 0
+        sys.stdout.write(json.dumps({"out": str(options.out), **value}) + "\n")
+    else:
+        sys.stdout.write(f"{markdown(value)}\nreport: {options.out / 'report.html'}\n")
+    return int(any(result.failed for result in cells.values()))

@@ -1,0 +1,145 @@
+"""What a recipe compares: policies trained on its mixtures, and the walks that they are tested on.
+
+comparison:
+  walks: 48                     # held-out episodes that each policy walks, at most
+  tests:
+    h1: {robot: h1, controller: speed}
+  rows:                         # by default one per mixture
+    h1: {mixture: h1}
+    h1, twice the steps: {mixture: h1, train: {steps: 1200}}
+    random: {policy: random}    # a policy of `vlnpe evaluate`, without training
+  claims:
+    - {text: more steps help, more: "h1, twice the steps", less: h1, metric: SR}
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ...formats.core.errors import InputError, check_name
+
+METRICS = ("SR", "OS", "SPL", "NE", "FR", "StR", "CR")  # columns of `evaluation.results`
+
+
+@dataclass(frozen=True)
+class Test:
+    """What a policy is tested with, as `vlnpe evaluate` takes it.
+
+    Attributes:
+        robot, controller, light: their names.
+        camera_height_m: above the floor; None for the robot's own.
+        camera_pitch_deg: downward tilt; None for the robot's own.
+    """
+
+    __test__ = False  # not pytest's
+
+    robot: str = "vlnce"
+    controller: str = "auto"
+    light: str = "baked"
+    camera_height_m: float | None = None
+    camera_pitch_deg: float | None = None
+
+
+@dataclass(frozen=True)
+class Row:
+    """A policy that is compared.
+
+    Attributes:
+        mixture: what it is trained on; empty for a policy without training.
+        policy: name of a policy of `vlnpe evaluate`; empty for a trained one.
+        tests: names of its tests; all of the comparison by default.
+        train: settings that override the recipe's.
+    """
+
+    mixture: str = ""
+    policy: str = ""
+    tests: tuple[str, ...] = ()
+    train: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def varies(self) -> bool:
+        """Whether seeds differ: of a training, or of the draws of `random`."""
+        return bool(self.mixture) or self.policy == "random"
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A difference between two rows that is expected, before it is measured, to be above zero.
+
+    Attributes:
+        text: what is said if it is.
+        more, less: names of the rows. One with a single test is compared in that test.
+        metric: a column of the results.
+        tests: where other rows are compared; by default in all tests that both have.
+    """
+
+    text: str
+    more: str
+    less: str
+    metric: str = "SR"
+    tests: tuple[str, ...] = ()
+
+
+Cell = tuple[str, str]  # names of a row and of a test
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Rows, tests and claims.
+
+    Attributes:
+        tests, rows: by name, in the order of the table.
+        walks: number of held-out episodes that each policy walks, at most.
+        note: what a reader must know beside the table.
+    """
+
+    tests: Mapping[str, Test]
+    rows: Mapping[str, Row]
+    claims: tuple[Claim, ...] = ()
+    walks: int = 100
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.tests or not self.rows:
+            raise InputError("comparison: has no test or no row; valid: at least one of each")
+        if self.walks < 1:
+            raise InputError(f"comparison: walks {self.walks}; valid: 1 or more")
+        for name, row in self.rows.items():
+            if bool(row.mixture) == bool(row.policy):
+                raise InputError(f"comparison: row {name!r}; valid: either a mixture or a policy")
+            for test in row.tests:
+                check_name(f"test in the row {name!r}:", test, self.tests)
+        for claim in self.claims:
+            for name in (claim.more, claim.less):
+                check_name("row in a claim:", name, self.rows)
+            for test in claim.tests:
+                check_name(f"test in the claim {claim.text!r}:", test, self.tests)
+            check_name(f"metric in the claim {claim.text!r}:", claim.metric, METRICS)
+            if not list(self.pairs(claim)):
+                raise InputError(f"comparison: the rows of {claim.text!r} have no test in common")
+
+    def cells(self) -> list[Cell]:
+        """Return all rows with each of their tests."""
+        return [(name, test) for name in self.rows for test in self.tests_of(name)]
+
+    def tests_of(self, row: str) -> tuple[str, ...]:
+        """Return the names of a row's tests."""
+        return self.rows[row].tests or tuple(self.tests)
+
+    def pairs(self, claim: Claim) -> Iterator[tuple[Cell, Cell]]:
+        """Yield the cells that a claim compares: more, less."""
+        more, less = self.tests_of(claim.more), self.tests_of(claim.less)
+        if len(more) == len(less) == 1:
+            yield (claim.more, more[0]), (claim.less, less[0])
+            return
+        for test in claim.tests or self.tests:
+            if (len(more) == 1 or test in more) and (len(less) == 1 or test in less):
+                yield (
+                    (claim.more, more[0] if len(more) == 1 else test),
+                    (claim.less, less[0] if len(less) == 1 else test),
+                )
+
+    def label(self, cell: Cell) -> str:
+        """Return the name of a cell: its row, and its test where the row has several."""
+        row, test = cell
+        return f"{row} → {test}" if len(self.tests_of(row)) > 1 else row

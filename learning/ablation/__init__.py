@@ -1,1 +1,0 @@
-"""Ablations: train a compact agent on each mixture of a recipe and predict held-out episodes."""

@@ -1,0 +1,166 @@
+"""An ablation as a page: answers, table, and the rates as a figure."""
+
+import io
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ...evaluation.results import COLUMNS, decimals
+from ...evaluation.statistics import LEAST_PATHS, Interval
+from ...formats.core.atomic import write_bytes
+from ...formats.core.images import data_uri
+from .results import UNMEASURED, Judgement, interval, judge
+
+REPORT, FIGURE, PAGE = "report.md", "rates.svg", "report.html"
+COLUMNS_SHOWN = ("SR", "OS", "SPL", "NE", "FR", "StR")
+COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
+_STYLE = (
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
+    ".wide{overflow-x:auto}table{border-collapse:collapse}"
+    "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:left;"
+    "overflow-wrap:anywhere;min-width:5rem}"
+    "[style*=right]{white-space:nowrap;min-width:0}"
+    "img{max-width:100%}"
+)
+
+
+def write_page(out: Path, value: Mapping[str, Any]) -> None:
+    """Write report.md with its figure, and both as report.html, which needs no other file."""
+    from markdown_it import MarkdownIt
+
+    text, figure = markdown(value), figure_svg(value)
+    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+    body = body.replace(f'src="{FIGURE}"', f'src="{data_uri(figure, "image/svg+xml")}"')
+    body = body.replace("<table>", '<div class="wide"><table>')
+    body = body.replace("</table>", "</table></div>")
+    page = (
+        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Ablation</title>'
+        f"<style>{_STYLE}</style>{body}</html>\n"
+    )
+    write_bytes(out / FIGURE, figure)
+    write_bytes(out / REPORT, text.encode())
+    write_bytes(out / PAGE, page.encode())
+
+
+def markdown(value: Mapping[str, Any]) -> str:
+    """Return the report: answers first, then the table and what it rests on."""
+    scenes = {scene for _, scene, _, _ in value["episodes"]}
+    judgements = judge(value)
+    parts = [
+        f"# {value['title'] or 'Ablation'}",
+        *(answer(judgement) for judgement in judgements),
+        *value["notes"],
+        f"![SR with its 95 % interval by row]({FIGURE})",
+        _table(value),
+        f"Every policy walked the same {len(value['episodes'])} episodes in {len(scenes)} scenes, "
+        "which no row is trained on, in closed loop; one seed is one training. Cells are means "
+        "with 95 % intervals over seeds and over scenes and paths: the variances are added, and "
+        "the width is Student's t. With one seed they do not cover other trainings. Differences "
+        "are paired by episode. Claims are not corrected for their number. "
+        "SR: stopped within 3 m of the goal; OS: passed within 3 m; SPL: SR weighted by path "
+        "length; NE: distance to the goal at the end; FR: fell; StR: got stuck.",
+        *_doubts(value),
+    ]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def answer(judgement: Judgement) -> str:
+    """Return a claim's verdict with its interval in a sentence, and what a smaller one needs."""
+    claim, found = judgement.claim, judgement.difference
+    rows = f"{claim['more']} − {claim['less']}"
+    if found is None:
+        return f"**{claim['text']}: {UNMEASURED}** ({rows})."
+    unit, digits = COLUMNS[claim["metric"]][0], decimals(claim["metric"])
+    unit = "points" if unit == "%" else unit
+    if math.isnan(found.low):
+        return (
+            f"**{claim['text']}: {judgement.verdict}** ({rows}: {claim['metric']} "
+            f"{found.mean:+.{digits}f} {unit}, without an interval, because fewer than "
+            f"{LEAST_PATHS} paths were walked)."
+        )
+    text = (
+        f"**{claim['text']}: {judgement.verdict}** ({rows}: {claim['metric']} "
+        f"{found.mean:+.{digits}f} {unit}, 95 % interval {found.low:+.{digits}f} … "
+        f"{found.high:+.{digits}f})."
+    )
+    if judgement.seeds == 1:
+        text += " One seed does not show how much trainings vary: give --seeds 3."
+    half = found.half_width
+    factor = found.factor_to_show(half / 2) if half > 0 else None
+    if factor is None:
+        return text
+    seeds = f"{judgement.seeds * factor} seeds and " if judgement.seeds else ""
+    return (
+        f"{text} Differences below about {half:.{digits}f} {unit} cannot be seen with these "
+        f"{judgement.episodes} episodes in {judgement.scenes} scenes; {half / 2:.{digits}f} would "
+        f"need about {seeds}{judgement.episodes * factor} episodes in {judgement.scenes * factor} "
+        f"scenes ({found.seeds_share:.0%} of the variance lies between seeds)."
+    )
+
+
+def _table(value: Mapping[str, Any]) -> str:
+    heads = [f"{name} [{COLUMNS[name][0]}]" for name in COLUMNS_SHOWN]
+    lines = [f"| row | trained on | seeds | {' | '.join(heads)} |"]
+    lines.append("| --- | ---: | ---: |" + " ---: |" * len(heads))
+    for row in value["rows"]:
+        if row["seeds"]:
+            count = row["training"]["episodes"] if "training" in row else "–"
+            cells = [_cell(name, interval(value, row, name)) for name in COLUMNS_SHOWN]
+            head = f"| {row['label']} | {count} | {len(row['seeds'])} | "
+            lines.append(f"{head}{' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
+def _cell(column: str, mean: Interval | None) -> str:
+    if mean is None or math.isnan(mean.mean):
+        return "–"
+    digits = decimals(column)
+    text = f"{mean.mean:.{digits}f}"
+    return (
+        text if math.isnan(mean.low) else f"{text} ({mean.low:.{digits}f} … {mean.high:.{digits}f})"
+    )
+
+
+def _doubts(value: Mapping[str, Any]) -> list[str]:
+    """Return what is missing, as paragraphs."""
+    lines = []
+    for row in value["rows"]:
+        if not row["seeds"]:
+            lines.append(f"Not measured: {row['label']}. {row.get('missing', '')}".strip())
+        failed = {uid: why for cell in row["seeds"].values() for uid, why in cell["failed"].items()}
+        if failed:
+            first = next(iter(failed.values()))
+            lines.append(f"{row['label']}: {len(failed)} episodes without a result: {first}")
+    return lines
+
+
+def figure_svg(value: Mapping[str, Any]) -> bytes:
+    """Return SR with its interval for every measured row as an SVG file."""
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    rows = [(row, interval(value, row, "SR")) for row in value["rows"]]
+    rows = [(row, mean) for row, mean in rows if mean is not None]
+    tests = list(dict.fromkeys(row["test"] for row, _ in rows))
+    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
+    with matplotlib.rc_context(style):
+        figure = Figure(figsize=(7.6, 0.24 * len(rows) + 0.9), facecolor="white")
+        axis = figure.subplots()
+        for height, (row, mean) in enumerate(rows):
+            ends = [[max(mean.mean - mean.low, 0.0)], [max(mean.high - mean.mean, 0.0)]]
+            colour = COLOURS[tests.index(row["test"]) % len(COLOURS)]
+            axis.errorbar(
+                mean.mean, height, xerr=ends, fmt="o", color=colour, capsize=3, markersize=4.5
+            )
+        axis.set_yticks(range(len(rows)), [row["label"] for row, _ in rows])
+        axis.set_ylim(len(rows) - 0.5, -0.5)
+        axis.set_xlim(0, None)
+        axis.set_xlabel("SR [%]")
+        axis.grid(axis="x", color="#eee")
+        axis.set_axisbelow(True)
+        axis.spines[["top", "right"]].set_visible(False)
+        figure.tight_layout()
+        stream = io.BytesIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    return stream.getvalue()
