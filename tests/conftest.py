@@ -32,7 +32,7 @@ NOT_CORE = re.compile(
     rf"^\s*(?:import|from) (?:{LIBRARIES}"
     r"|vlnpe\.evaluation\.(?:env|remote|server)"
     r"|vlnpe\.collectors\.locomotion\.training\.(?:env|export|mirror|train))\b"
-    r"|vlnpe\.learning|vlnpe\.evaluation\.learned|benchmarks\.evidence\.judge",
+    r"|vlnpe\.learning|vlnpe\.evaluation\.learned|vlnpe\.pipeline\.ablation\.(?:cells|plan)",
     re.MULTILINE,
 )
 SUPPORT = re.compile(r"^from tests\.(support[\w.]+) import \(?\s*(\w+)", re.MULTILINE)

@@ -68,7 +68,7 @@ class Claim:
 
     Attributes:
         text: what is said if it is.
-        more, less: names of the rows. One with a single test is compared in that test.
+        more, less: names of rows, or `row → test`. A row with a single test is compared in that.
         metric: a column of the results.
         tests: where other rows are compared; by default in all tests that both have.
     """
@@ -80,6 +80,7 @@ class Claim:
     tests: tuple[str, ...] = ()
 
 
+ARROW = " → "
 Cell = tuple[str, str]  # names of a row and of a test
 
 
@@ -110,8 +111,6 @@ class Comparison:
             for test in row.tests:
                 check_name(f"test in the row {name!r}:", test, self.tests)
         for claim in self.claims:
-            for name in (claim.more, claim.less):
-                check_name("row in a claim:", name, self.rows)
             for test in claim.tests:
                 check_name(f"test in the claim {claim.text!r}:", test, self.tests)
             check_name(f"metric in the claim {claim.text!r}:", claim.metric, METRICS)
@@ -128,18 +127,29 @@ class Comparison:
 
     def pairs(self, claim: Claim) -> Iterator[tuple[Cell, Cell]]:
         """Yield the cells that a claim compares: more, less."""
-        more, less = self.tests_of(claim.more), self.tests_of(claim.less)
+        more, less = self._sides(claim.more), self._sides(claim.less)
         if len(more) == len(less) == 1:
-            yield (claim.more, more[0]), (claim.less, less[0])
+            yield more[0], less[0]
             return
         for test in claim.tests or self.tests:
-            if (len(more) == 1 or test in more) and (len(less) == 1 or test in less):
-                yield (
-                    (claim.more, more[0] if len(more) == 1 else test),
-                    (claim.less, less[0] if len(less) == 1 else test),
-                )
+            pair = [
+                next((c for c in side if len(side) == 1 or c[1] == test), None)
+                for side in (more, less)
+            ]
+            if pair[0] and pair[1]:
+                yield pair[0], pair[1]
+
+    def _sides(self, name: str) -> list[Cell]:
+        """Return the cells of a side of a claim: those of a row, or the one `row → test`."""
+        row, arrow, test = name.rpartition(ARROW)
+        if name in self.rows or not arrow:
+            check_name("row in a claim:", name, self.rows)
+            return [(name, test) for test in self.tests_of(name)]
+        check_name("row in a claim:", row, self.rows)
+        check_name(f"test of the row {row!r} in a claim:", test, self.tests_of(row))
+        return [(row, test)]
 
     def label(self, cell: Cell) -> str:
         """Return the name of a cell: its row, and its test where the row has several."""
         row, test = cell
-        return f"{row} → {test}" if len(self.tests_of(row)) > 1 else row
+        return f"{row}{ARROW}{test}" if len(self.tests_of(row)) > 1 else row

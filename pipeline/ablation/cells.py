@@ -15,6 +15,7 @@ from ...datasets.mixture.comparison import METRICS
 from ...evaluation.results import COLUMNS, by_uid, uid_of
 from ...formats.core.atomic import file_digest, write_bytes
 from ...formats.vlnce.files import write_episodes
+from ...learning.card import read_card
 from ...learning.training.session import train_recipe, training_key
 from ..commands.evaluate import evaluate_policy
 from ..options.training import Ablate
@@ -33,12 +34,14 @@ class CellResult:
         failed: why walks have no result, by episode.
         gait_sha256: digest of the gait that the robot walked with, if it has one.
         checkpoint_sha256: digest of the weights, of a trained policy.
+        curve: scores of the training by step.
     """
 
     values: list[list[float | None]]
     failed: Mapping[str, str]
     gait_sha256: str | None
     checkpoint_sha256: str | None
+    curve: list[dict[str, float]]
 
 
 def measure(
@@ -64,8 +67,8 @@ def measure(
         policy, checkpoint = rows[name].policy, None
         label = f"{policy}-s{seed}"
         if name in ablation.trainings:
-            path = train(ablation, name, seed, options.out)
-            policy, label, checkpoint = str(path), path.parent.name, file_digest(path)
+            checkpoint = train(ablation, name, seed, options.out)
+            policy, label = str(checkpoint), checkpoint.parent.name
         for test in ablation.comparison.tests_of(name):
             out = options.out / WALKS / _slug(f"{label}--{test}")
             evaluated = evaluate_policy(
@@ -118,13 +121,18 @@ def _write_episodes(ablation: Ablation, out: Path) -> Path:
     return folder
 
 
-def _result(ablation: Ablation, results: Mapping[str, Any], checkpoint: str | None) -> CellResult:
+def _result(ablation: Ablation, results: Mapping[str, Any], checkpoint: Path | None) -> CellResult:
     walks = by_uid(results["episodes"])
     values = [
         [_rounded(COLUMNS[metric][1](walks[uid])) if uid in walks else None for metric in METRICS]
         for uid in (uid_of(e.split, e.scene_id, e.episode_id) for e in ablation.episodes)
     ]
-    return CellResult(values, results["quarantined"], results["setting"]["gait_sha256"], checkpoint)
+    digest, curve = None, []
+    if checkpoint is not None:
+        card, digest = read_card(checkpoint)
+        curve = [{k: round(float(v), 4) for k, v in point.items()} for point in card.curves]
+    gait = results["setting"]["gait_sha256"]
+    return CellResult(values, results["quarantined"], gait, digest, curve)
 
 
 def _rounded(value: float) -> float | None:

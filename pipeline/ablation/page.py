@@ -2,18 +2,19 @@
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...datasets.mixture.comparison import METRICS
 from ...evaluation.results import COLUMNS, decimals
 from ...evaluation.statistics import LEAST_PATHS, Interval
 from ...formats.core.atomic import write_bytes
 from ...formats.core.images import data_uri
-from .results import UNMEASURED, Judgement, interval, judge
+from .results import Judgement, interval, judge
 
 REPORT, FIGURE, PAGE = "report.md", "rates.svg", "report.html"
-COLUMNS_SHOWN = ("SR", "OS", "SPL", "NE", "FR", "StR")
+SENTENCES = 3  # claims that are answered in sentences; more become a table
 COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 _STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
@@ -46,10 +47,9 @@ def write_page(out: Path, value: Mapping[str, Any]) -> None:
 def markdown(value: Mapping[str, Any]) -> str:
     """Return the report: answers first, then the table and what it rests on."""
     scenes = {scene for _, scene, _, _ in value["episodes"]}
-    judgements = judge(value)
     parts = [
         f"# {value['title'] or 'Ablation'}",
-        *(answer(judgement) for judgement in judgements),
+        *_answers(judge(value)),
         *value["notes"],
         f"![SR with its 95 % interval by row]({FIGURE})",
         _table(value),
@@ -59,37 +59,45 @@ def markdown(value: Mapping[str, Any]) -> str:
         "the width is Student's t. With one seed they do not cover other trainings. Differences "
         "are paired by episode. Claims are not corrected for their number. "
         "SR: stopped within 3 m of the goal; OS: passed within 3 m; SPL: SR weighted by path "
-        "length; NE: distance to the goal at the end; FR: fell; StR: got stuck.",
+        "length; NE: distance to the goal at the end; FR: fell; StR: got stuck; "
+        "CR: touched an obstacle.",
         *_doubts(value),
     ]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
+def _answers(judgements: Sequence[Judgement]) -> list[str]:
+    """Return each claim's verdict in a sentence, or those of many claims as a table."""
+    if len(judgements) <= SENTENCES:
+        return [answer(judgement) for judgement in judgements]
+    lines = ["| claim | difference | verdict |", "| --- | --- | --- |"]
+    for judgement in judgements:
+        claim = judgement.claim
+        seeds = ", with one seed" if judgement.seeds == 1 else ""
+        lines.append(
+            f"| {claim['text']} ({claim['more']} − {claim['less']}) | {_difference(judgement)} | "
+            f"{judgement.verdict}{seeds} |"
+        )
+    halved = "To halve an interval takes about four times as many seeds and scenes."
+    return ["\n".join(lines), halved]
+
+
 def answer(judgement: Judgement) -> str:
     """Return a claim's verdict with its interval in a sentence, and what a smaller one needs."""
     claim, found = judgement.claim, judgement.difference
-    rows = f"{claim['more']} − {claim['less']}"
-    if found is None:
-        return f"**{claim['text']}: {UNMEASURED}** ({rows})."
-    unit, digits = COLUMNS[claim["metric"]][0], decimals(claim["metric"])
-    unit = "points" if unit == "%" else unit
-    if math.isnan(found.low):
-        return (
-            f"**{claim['text']}: {judgement.verdict}** ({rows}: {claim['metric']} "
-            f"{found.mean:+.{digits}f} {unit}, without an interval, because fewer than "
-            f"{LEAST_PATHS} paths were walked)."
-        )
     text = (
-        f"**{claim['text']}: {judgement.verdict}** ({rows}: {claim['metric']} "
-        f"{found.mean:+.{digits}f} {unit}, 95 % interval {found.low:+.{digits}f} … "
-        f"{found.high:+.{digits}f})."
+        f"**{claim['text']}: {judgement.verdict}** ({claim['more']} − {claim['less']}: "
+        f"{_difference(judgement)})."
     )
+    if found is None:
+        return text
     if judgement.seeds == 1:
         text += " One seed does not show how much trainings vary: give --seeds 3."
     half = found.half_width
     factor = found.factor_to_show(half / 2) if half > 0 else None
     if factor is None:
         return text
+    unit, digits = _unit(claim["metric"])
     seeds = f"{judgement.seeds * factor} seeds and " if judgement.seeds else ""
     return (
         f"{text} Differences below about {half:.{digits}f} {unit} cannot be seen with these "
@@ -99,14 +107,32 @@ def answer(judgement: Judgement) -> str:
     )
 
 
+def _difference(judgement: Judgement) -> str:
+    """Return a claim's difference with its interval in words."""
+    metric, found = judgement.claim["metric"], judgement.difference
+    if found is None:
+        return "–"
+    unit, digits = _unit(metric)
+    text = f"{metric} {found.mean:+.{digits}f}"
+    if math.isnan(found.low):
+        return f"{text} {unit} without an interval, as fewer than {LEAST_PATHS} paths were walked"
+    return f"{text} ({found.low:+.{digits}f} … {found.high:+.{digits}f}) {unit}"
+
+
+def _unit(metric: str) -> tuple[str, int]:
+    """Return the unit of a metric's differences, and how many decimals they are shown with."""
+    unit = COLUMNS[metric][0]
+    return "points" if unit == "%" else unit, decimals(metric)
+
+
 def _table(value: Mapping[str, Any]) -> str:
-    heads = [f"{name} [{COLUMNS[name][0]}]" for name in COLUMNS_SHOWN]
+    heads = [f"{name} [{COLUMNS[name][0]}]" for name in METRICS]
     lines = [f"| row | trained on | seeds | {' | '.join(heads)} |"]
     lines.append("| --- | ---: | ---: |" + " ---: |" * len(heads))
     for row in value["rows"]:
         if row["seeds"]:
             count = row["training"]["episodes"] if "training" in row else "–"
-            cells = [_cell(name, interval(value, row, name)) for name in COLUMNS_SHOWN]
+            cells = [_cell(name, interval(value, row, name)) for name in METRICS]
             head = f"| {row['label']} | {count} | {len(row['seeds'])} | "
             lines.append(f"{head}{' | '.join(cells)} |")
     return "\n".join(lines)

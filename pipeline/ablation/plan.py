@@ -145,7 +145,11 @@ def _comparison(options: Ablate, recipe: Recipe) -> Comparison:
         comparison = replace(
             comparison,
             rows={name: row for name, row in comparison.rows.items() if name in names},
-            claims=tuple(c for c in comparison.claims if {c.more, c.less} <= set(names)),
+            claims=tuple(
+                claim
+                for claim in comparison.claims
+                if all({row for row, _ in pair} <= set(names) for pair in comparison.pairs(claim))
+            ),
         )
     if options.walks is not None:
         comparison = replace(comparison, walks=options.walks)

@@ -1,10 +1,12 @@
 """The results file of an ablation: every walk's metrics, from which tables and claims follow."""
 
+from __future__ import annotations
+
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,8 +16,10 @@ from ...evaluation.statistics import Difference, Interval, Trials, difference, m
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError
 from ..engine.work import digest
-from .cells import CellResult
-from .plan import Ablation
+
+if TYPE_CHECKING:
+    from .cells import CellResult
+    from .plan import Ablation
 
 FORMAT = "vlnpe-ablation/1"
 RESULTS_NAME = "results.json"

@@ -231,13 +231,17 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
     assert taken["vlnce", 0.5] <= taken["aliengo", 0.5]
 
 
+TESTS = {"tests": {"h1": {"robot": "h1"}}}
+CLAIM = {"text": "more helps", "more": "all", "less": "alone"}
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"recipe": 2}, "valid: 1"),
         (
             {"surces": {}},
-            "recipe: 'surces' (did you mean sources?); valid: compare",
+            "recipe: 'surces' (did you mean sources?); valid: comparison",
         ),
         (
             {"sources": {"humanoid": {"robot": "h1"}}},
@@ -254,9 +258,18 @@ def test_a_larger_fraction_contains_a_smaller_one_for_every_robot(runs: Path) ->
         ({"mixtures": {"all": {"ghost": "much"}}}, "'much'; valid: a number"),
         ({"mixtures": {"all": {"sources": ["ghost"], "shares": "fair"}}}, "'fair'; valid: equal"),
         ({"mixtures": {}}, "at least one mixture"),
-        ({"evaluate": ["dog"]}, "unknown source to evaluate 'dog'"),
-        ({"compare": [["all"]]}, "pairs"),
-        ({"compare": [["all", "none"]]}, "'none'; valid: all, alone, even"),
+        ({"comparison": {}}, "comparison: tests"),
+        ({"comparison": {"tests": {"h1": {"robots": "h1"}}}}, "'robots' (did you mean robot?)"),
+        ({"comparison": {**TESTS, "rows": {"a": {"mixture": "none"}}}}, "valid: all, alone, even"),
+        ({"comparison": {**TESTS, "rows": {"a": {}}}}, "either a mixture or a policy"),
+        ({"comparison": {**TESTS, "walks": 0}}, "walks 0; valid: 1 or more"),
+        ({"comparison": {**TESTS, "claims": ["all"]}}, "a mapping of names to values"),
+        (
+            {"comparison": {**TESTS, "claims": [CLAIM | {"less": "none"}]}},
+            "valid: all, alone, even",
+        ),
+        ({"comparison": {**TESTS, "claims": [CLAIM | {"less": "all → dog"}]}}, "'dog'; valid: h1"),
+        ({"comparison": {**TESTS, "claims": [CLAIM | {"metric": "PL"}]}}, "'PL'"),
         ({"holdout": "room"}, "'room'; valid: auto, none, scene, split, trajectory"),
         ({"holdout_fraction": 1.0}, "between 0 and 1"),
     ],
@@ -280,7 +293,14 @@ def test_files_that_are_no_recipes_are_refused(text: str, tmp_path: Path) -> Non
 
 def test_shipped_recipes_are_valid() -> None:
     found = {name: read_recipe(recipe_path(name)) for name in SHIPPED}
-    assert set(found) == {"starter", "cross_embodiment", "controller", "lighting"}
+    assert set(found) == {
+        "starter",
+        "cross_embodiment",
+        "controller",
+        "lighting",
+        "quadruped_for_humanoid",
+    }
+    assert all(found[name].comparison for name in found if name != "starter")
     table: Recipe = found["cross_embodiment"]
     assert len(table.mixtures) >= 6
 
@@ -292,7 +312,10 @@ def test_help_lists_all_shipped_recipes_and_a_misspelt_one_suggests_the_closest(
     with pytest.raises(SystemExit):
         main([command, "--help"])
     shown = " ".join(capsys.readouterr().out.replace("│", " ").split())
-    assert "built-in recipe: controller, cross_embodiment, lighting, starter." in shown
+    assert (
+        "built-in recipe: controller, cross_embodiment, lighting, quadruped_for_humanoid, starter."
+        in shown
+    )
     with pytest.raises(InputError, match=r"recipe startr \(did you mean starter\?\): no such file"):
         recipe_path("startr")
 

@@ -7,7 +7,14 @@ import pytest
 from scipy.stats import binomtest
 
 from vlnpe.evaluation.results import COLUMNS, results_json, table
-from vlnpe.evaluation.statistics import clustered_interval, mcnemar
+from vlnpe.evaluation.statistics import (
+    Trials,
+    clustered_interval,
+    difference,
+    mcnemar,
+    mean_over_seeds,
+)
+from vlnpe.formats.core.errors import InputError
 
 
 def test_scenes_that_differ_widen_the_interval() -> None:
@@ -134,3 +141,86 @@ def test_results_are_summed_up_per_split_and_scene() -> None:
         "s0": pytest.approx(100 / 3),
         "s1": pytest.approx(100 / 3),
     }
+
+
+SCENES, PATHS = 10, 20
+
+
+def trials(rates: list[float], seed: int = 0, scene_spread: float = 0.0) -> Trials:
+    """One success rate per training seed; scenes differ by `scene_spread`."""
+    rng = np.random.default_rng(seed)
+    easier = rng.normal(0, scene_spread, SCENES).repeat(PATHS)
+    p = np.clip(np.array(rates)[:, None] + easier, 0, 1)
+    values = np.where(rng.random((len(rates), SCENES * PATHS)) < p, 100.0, 0.0)
+    scenes = tuple(f"s{k // PATHS}" for k in range(SCENES * PATHS))
+    names = tuple(str(k) for k in range(SCENES * PATHS))
+    return Trials(names, scenes, names, values)
+
+
+def test_seeds_that_differ_widen_the_interval_of_a_difference() -> None:
+    """A difference that rests on one lucky training is none."""
+    others = trials([0.2] * 3, seed=1)
+    steady, lucky = (
+        difference(trials([0.4] * 3), others),
+        difference(trials([0.8, 0.2, 0.2]), others),
+    )
+    assert steady.low > 0 > lucky.low
+    assert lucky.half_width > 2 * steady.half_width and lucky.seeds_share > 0.9
+    same = trials([0.3] * 3)
+    assert (found := difference(same, same)).mean == 0 and found.half_width < steady.half_width
+
+
+def test_scenes_that_differ_widen_the_interval_over_seeds() -> None:
+    even, uneven = trials([0.4] * 3), trials([0.4] * 3, scene_spread=0.3)
+    width = [(f := mean_over_seeds(t, rate=True)).high - f.low for t in (even, uneven)]
+    assert width[1] > 2 * width[0]
+
+
+def test_rates_that_never_vary_get_an_exact_interval_over_seeds() -> None:
+    found = mean_over_seeds(trials([0.0] * 3), rate=True)
+    assert found.low == 0 and 1.0 < found.high < 3.0
+
+
+def test_policies_that_walked_other_episodes_are_not_compared() -> None:
+    one, other = trials([0.5] * 2), trials([0.5] * 2)
+    moved = Trials(other.uids[::-1], other.scenes, other.trajectories, other.values)
+    with pytest.raises(InputError, match="same episodes"):
+        difference(one, moved)
+
+
+def test_walks_without_a_result_are_left_out_of_pairs() -> None:
+    one, other = trials([0.5] * 2), trials([0.2] * 2, seed=1)
+    values = one.values.copy()
+    values[0, :40] = np.nan
+    found = difference(Trials(one.uids, one.scenes, one.trajectories, values), other)
+    expected = (one.values.mean(0) - other.values.mean(0))[40:].mean()
+    assert found.mean == pytest.approx(expected) and math.isfinite(found.low)
+
+
+def test_the_number_of_samples_that_would_show_a_difference_does_so() -> None:
+    """Simulated: with k times the seeds and scenes, the interval is as narrow as foreseen."""
+    found = difference(trials([0.4, 0.45, 0.35], scene_spread=0.1), trials([0.4] * 3, seed=1))
+    target = found.half_width / 2
+    factor = found.factor_to_show(target)
+    assert factor in (2, 3, 4) and found.factor_to_show(found.half_width) == 1
+    assert found.factor_to_show(0.0) is None
+
+
+@pytest.mark.parametrize(("of_seeds", "of_paths"), [(3.0, 0.5), (0.5, 10.0), (2.0, 6.0)])
+def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
+    of_seeds: float, of_paths: float
+) -> None:
+    rng = np.random.default_rng(5)
+    truth, repeats, paths, seeds = 2.0, 150, 16, 3
+    names = tuple(map(str, range(paths)))
+
+    def walked(gain: np.ndarray) -> Trials:
+        return Trials(names, names, names, gain + rng.normal(0, of_seeds, (seeds, 1)))
+
+    held = 0
+    for _ in range(repeats):
+        hard = rng.normal(0, 10.0, paths)  # for both
+        more = walked(hard + truth + rng.normal(0, of_paths, paths))
+        found = difference(more, walked(hard))
+        held += found.low <= truth <= found.high
+    assert held / repeats >= 0.9

@@ -18,22 +18,21 @@ RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "evidence" / "res
 LARGEST_BYTES = 2_000_000
 
 
-# Which file of results measured them, in which cell.
+# Which results measured them, and which row, test and seed.
 CELLS = {
-    "cma": ("evidence.json", "cma-3-times-the-steps-s2--vlnce-flash-baked"),
-    "cma-h1": ("evidence.json", "cma-on-h1-speed-s0--h1-speed-baked"),
-    "cma-robots": (
-        "mixtures.json",
-        "cma-on-h1-speed-aliengo-speed-jetbot-speed-equal-passes-s0--aliengo-speed-baked",
-    ),
+    "cma": ("evidence", "CMA on bodyless walks, 3 times the steps", "no body", "2"),
+    "cma-h1": ("evidence", "CMA on H1", "H1", "0"),
+    "cma-robots": ("mixtures", "CMA on H1 + Aliengo + Jetbot, equal passes", "Aliengo", "0"),
 }
 
 
 def test_every_shipped_checkpoint_is_one_that_was_measured() -> None:
     assert shipped_policies().keys() == CELLS.keys()
-    for name, (file, cell) in CELLS.items():
-        measured = json.loads((RESULTS / file).read_text())["cells"][cell]
-        assert file_digest(shipped_policies()[name]) == measured["checkpoint_sha256"]
+    for name, (file, row, test, seed) in CELLS.items():
+        rows = json.loads((RESULTS / f"{file}.json").read_text())["rows"]
+        (measured,) = (r for r in rows if (r["row"], r["test"]) == (row, test))
+        digest = file_digest(shipped_policies()[name])
+        assert digest == measured["seeds"][seed]["checkpoint_sha256"]
 
 
 @pytest.mark.parametrize("name", CELLS)

@@ -1,6 +1,5 @@
-"""Ablations end to end on a small set, and the parts whose numbers must be right."""
+"""Training on a small set: what is learned, resumed, held out and refused."""
 
-import json
 import shutil
 from pathlib import Path
 from typing import Any
@@ -9,32 +8,20 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import torch
-from numpy.typing import NDArray
 
 from tests.support.training_data import WORDS, write_dataset
-from vlnpe.datasets.mixture.choice import Library
-from vlnpe.datasets.mixture.plan import plan_mixture
 from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
-from vlnpe.learning.ablation.evaluate import (
-    EpisodeScore,
-    Summary,
-    score_constant,
-    score_model,
-    score_repeat,
-)
-from vlnpe.learning.ablation.intervals import over_seeds, paired_differences
-from vlnpe.learning.ablation.run import training_job
 from vlnpe.learning.config import ModelConfig, TrainConfig, train_config
 from vlnpe.learning.models.heads import FUTURE
 from vlnpe.learning.models.registry import MODELS, Model
 from vlnpe.learning.training.cache import CachedSequences
 from vlnpe.learning.training.holdout import hold_out
+from vlnpe.learning.training.session import Request, plan_training, training_key
 from vlnpe.learning.training.train import Watcher, learning_rate_factor, train_model
-from vlnpe.pipeline.cli import main
 
 MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}
 TINY = {"steps": 6, "seeds": 2, "batch": 2, "size_px": 16, "model": MODEL, "device": "cpu"}
@@ -62,46 +49,9 @@ def recipe(**changes: Any) -> dict[str, Any]:
         "title": "Does the ghost help?",
         "sources": {"humanoid": {"robots": ["h1"]}, "ghost": {"robots": ["vlnce"]}},
         "mixtures": {"alone": ["humanoid"], "both": ["humanoid", "ghost"]},
-        "evaluate": ["humanoid"],
-        "compare": [["both", "alone"]],
         "train": TINY,
     }
     return value | changes
-
-
-def test_from_recipe_to_table_and_again_without_training(
-    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path, out = tmp_path / "recipe.yaml", tmp_path / "out"
-    path.write_text(json.dumps(recipe()))
-    call = ["ablate", str(path), "--data", str(runs), "--out", str(out), "--json", "--threads", "1"]
-    assert main(call) == 0
-    output, shown = capsys.readouterr()
-    assert len(shown.splitlines()) <= 2 * 12 and "\r" not in shown  # stderr is no terminal here
-    result = json.loads(output.splitlines()[-1])
-    assert set(result["rows"]) == {"best constant", "repeat the step before", "alone", "both"}
-    assert set(result["training_fit"]) == {"alone", "both"}
-    for row in ("alone", "both"):
-        assert 0 < result["training_fit"][row]["constant"] < 1
-        action = result["rows"][row]["humanoid"]["action"]
-        assert 0 <= action["mean"] <= 1 and action["half"] is not None
-    assert result["holdout"]["by"] == "scene" and len(result["holdout"]["scenes"]) == 1
-    held = set(result["holdout"]["trajectories"])
-    for mixture in result["mixtures"]:  # 8 walks, two of them in each of four scenes
-        for source in mixture["sources"]:
-            assert source["episodes"] == 8 - len(held) == 6
-    table = (out / "table.md").read_text()
-    assert "| alone | 6 |" in table and "| both | 12 |" in table
-    assert "both − alone" in table and "asked for" in table
-    page = (out / "index.html").read_text()
-    assert "data:image/png;base64," in page and "http" not in page
-    assert (out / "plot.png").read_bytes()[:4] == b"\x89PNG"
-    assert not list((out / "rows").glob("*.pt"))
-    rows = {p: p.stat().st_mtime_ns for p in (out / "rows").iterdir()}
-    assert len(rows) == 4
-    assert main(call) == 0
-    assert {p: p.stat().st_mtime_ns for p in (out / "rows").iterdir()} == rows
-    assert json.loads((out / "results.json").read_text())["rows"] == result["rows"]
 
 
 def test_an_interrupted_training_ends_as_if_it_had_not_been(
@@ -150,16 +100,6 @@ def test_a_damaged_decoded_episode_is_named_and_made_again(
     path.write_bytes(content[:-100])  # after it was checked
     with pytest.raises(FileFormatError, match=f"{path.name}.*delete it"):
         cached[0]
-
-
-def test_training_fits_what_it_sees(episodes: CachedSequences, tmp_path: Path) -> None:
-    config = train_config({**TINY, "steps": 100, "learning_rate": 0.01, "unknown": 0.0})
-    tokens = episodes.sequences.tokens
-    agent = train_model([episodes], [1.0], tokens, config, seed=0, state=tmp_path / "a.pt")
-    fitted = Summary.of(score_model(agent, episodes))
-    constant = Summary.of(score_constant(episodes))
-    assert fitted.action > constant.action + 0.1
-    assert fitted.stop > constant.stop + 0.1
 
 
 @pytest.mark.parametrize("name", ["cma", "seq2seq"])
@@ -230,10 +170,8 @@ def test_a_result_belongs_to_the_very_episodes_and_words(
     shutil.copytree(runs / "run" / "lerobot", tmp_path / "lerobot")
     made = recipe_of(recipe())
 
-    def result() -> Path:
-        plan = plan_mixture(made, "alone", Library(tmp_path))
-        held = {"humanoid": plan.sources[0].selection}
-        return training_job(plan, held, train_config(TINY), 0, tmp_path).result
+    def result() -> str:
+        return training_key(plan_training(Request(made, tmp_path, tmp_path, "alone")), 0)
 
     before = result()
     assert result() == before
@@ -243,70 +181,6 @@ def test_a_result_belongs_to_the_very_episodes_and_words(
         texts = [["Turn around."]] * table.num_rows
         pq.write_table(table.set_column(place, "instructions", [texts]), file)
     assert result() != before
-
-
-def test_baselines_are_what_they_say(episodes: CachedSequences) -> None:
-    items = [episodes[n] for n in range(len(episodes))]
-    actions = np.concatenate([item["action"].numpy() for item in items])
-    constant = Summary.of(score_constant(episodes))
-    assert constant.action == pytest.approx(np.bincount(actions).max() / len(actions))
-    assert constant.stop == 0.5
-    before = np.concatenate([[1, *item["action"].numpy()[:-1]] for item in items])
-    repeat = Summary.of(score_repeat(episodes))
-    assert repeat.action == pytest.approx((before == actions).mean())
-    truth = np.concatenate([i["waypoints"][i["waypoint_valid"]].numpy() for i in items])
-    assert constant.waypoint_m < np.linalg.norm(truth[:, :2], axis=1).mean()
-
-
-def score(trajectory: str, correct: int, frames: int = 10) -> EpisodeScore:
-    return EpisodeScore(trajectory, frames, correct, 0.1 * correct, frames, 2, 1, 8, 4)
-
-
-def test_intervals_hold_the_truth_and_pairs_narrow_them() -> None:
-    found = over_seeds([0.5, 0.6, 0.7])
-    assert found.mean == pytest.approx(0.6)
-    assert found.half == pytest.approx(4.3027 * 0.1 / np.sqrt(3), rel=1e-4)
-    assert np.isnan(over_seeds([0.5]).half)
-    rng = np.random.default_rng(0)
-    hard = rng.integers(2, 8, 40)  # some paths are harder, for both
-    theirs = [[score(f"s/{n}", k) for n, k in enumerate(hard)] for _ in range(3)]
-    ours = [[score(f"s/{n}", k + 1) for n, k in enumerate(hard)] for _ in range(3)]
-    difference = paired_differences(ours, theirs, rng)["action"]
-    assert difference.mean == pytest.approx(0.1)
-    assert difference.low == pytest.approx(0.1) == difference.high
-    same = paired_differences(theirs, theirs, rng)["waypoint_m"]
-    assert same.low == same.high == 0
-    with pytest.raises(ValueError, match="same episodes"):
-        paired_differences(ours, [theirs[0][:-1]], rng)
-
-
-@pytest.mark.parametrize(("of_seeds", "of_paths"), [(0.03, 0.005), (0.005, 0.1), (0.02, 0.06)])
-def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
-    of_seeds: float, of_paths: float
-) -> None:
-    rng = np.random.default_rng(5)
-    truth, trials, paths, seeds, frames = 0.02, 300, 16, 3, 100_000
-
-    def runs(gain: NDArray[np.float64]) -> list[list[EpisodeScore]]:
-        parts = 0.5 + gain + rng.normal(0, of_seeds, (seeds, 1))
-        return [
-            [score(f"s/{n}", round(frames * part), frames) for n, part in enumerate(run)]
-            for run in parts
-        ]
-
-    held = 0
-    for _ in range(trials):
-        hard = rng.normal(0, 0.1, paths)  # for both
-        ours = runs(hard + truth + rng.normal(0, of_paths, paths))
-        found = paired_differences(ours, runs(hard), rng)["action"]
-        held += found.low <= truth <= found.high
-    assert held / trials >= 0.92
-
-
-def test_a_single_training_run_has_no_interval() -> None:
-    run = [[score("s/0", 3), score("s/1", 4)]]
-    found = paired_differences(run, run, np.random.default_rng(0))["action"]
-    assert found.mean == 0 and np.isnan([found.low, found.high]).all()
 
 
 @pytest.mark.parametrize(
