@@ -19,7 +19,7 @@ from ...learning.config import train_config
 from ...learning.training.holdout import Holdout, hold_out, published_holdout, scene_of
 from ...learning.training.session import Planned, Request, plan_training
 from ..commands.evaluate import chosen_test
-from ..inputs.episodes import asked_episodes
+from ..inputs.episode_file import asked_episodes
 from ..options.evaluate import Evaluate
 from ..options.training import Ablate
 
