@@ -10,21 +10,24 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import View
-from .. import jobs
 from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
 from ..inputs.crews import action_timing, kept
 from ..stages.datasets import export_items as export
+from ..stages.datasets.export_job import UnitJob
+from ..stages.datasets.mcap_job import McapJob
 from ..stages.instructions import instruct_items as instruct
 from ..stages.instructions import sight_items as sight
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts import replay_items as replay
 from ..stages.rollouts import together
+from ..stages.rollouts.render_job import RenderJob
+from ..stages.rollouts.replay_job import ReplayJob
 from .run import Run
 
 # What a worker imports that takes an episode through all stages.
-MODULES = tuple(f"{jobs.__name__}.{name}" for name in ("replay", "render", "export", "mcap"))
+MODULES = tuple(job.__module__ for job in (ReplayJob, RenderJob, UnitJob, McapJob))
 
 
 @dataclass(frozen=True)

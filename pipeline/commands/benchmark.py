@@ -28,6 +28,7 @@ from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
 from ..provenance import versions
+from ..stages.evaluation.job import EvaluateJob
 from .evaluate import run_evaluate
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"
@@ -172,7 +173,7 @@ def _value(
     return {
         "format": "vlnpe-benchmark/1",
         "benchmark": str(options.episodes) if known else options.episodes.name,
-        **versions(code_digest("pipeline.jobs.evaluate")),
+        **versions(code_digest(EvaluateJob.__module__)),
         "machine": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "seed": options.seed,
         "episodes_sha256": digests,

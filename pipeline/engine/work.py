@@ -27,7 +27,7 @@ class ItemResult:
 
 
 class Job(Protocol):
-    """The work of one item: a picklable, frozen dataclass of a module in `pipeline.jobs`.
+    """The work of one item: a picklable, frozen dataclass of a module in `pipeline.stages`.
 
     A job that needs a library only for some inputs has a property `unused_libraries` for the
     others, so that installing one (most come with an extra) repeats no work that had no use of it.

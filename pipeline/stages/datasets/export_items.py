@@ -18,8 +18,15 @@ from ...engine.ledger import Row
 from ...engine.runner import Context, StageSummary, run_stage
 from ...engine.work import WorkItem, digest, work_item
 from ...inputs.crews import kept
+from ..episodes.jobs import SampleJob
+from ..instructions.instruct_job import InstructJob
 from ..instructions.reviewed import REVIEW_NAME
+from ..instructions.visibility import LookJob
+from ..rollouts.render_job import RenderJob
 from ..rollouts.replay_items import item_names
+from ..rollouts.replay_job import ReplayJob
+from ..scenes.repair import RepairJob
+from ..scenes.scan import ScanJob
 from .export_job import DatasetJob, UnitJob
 from .mcap_job import McapJob
 
@@ -27,14 +34,9 @@ STAGE = "export"
 MCAP_STAGE = "mcap"
 DATASET_STAGE = "dataset"
 # What makes episodes and writes their pixels.
-CODE = (
-    "pipeline.jobs.scenes.scan",
-    "pipeline.jobs.scenes.repair",
-    "pipeline.jobs.episodes",
-    "pipeline.jobs.instructions.visibility",
-    "pipeline.jobs.instructions.instruct",
-    "pipeline.jobs.replay",
-    "pipeline.jobs.render",
+CODE = tuple(
+    job.__module__
+    for job in (ScanJob, RepairJob, SampleJob, LookJob, InstructJob, ReplayJob, RenderJob)
 )
 
 

@@ -1,1 +1,0 @@
-"""The work of each stage's items, one module per kind; keys cover exactly what it imports."""
