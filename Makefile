@@ -22,36 +22,17 @@ COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --e
 # Containers often set it; every process then compiles the source of all libraries that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-TARGETS = help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
-          report verify doctor clean
-# The closest of the words $2 to each of the words $1.
-CLOSEST = $(shell $(PYTHON) -c 'import difflib, sys; given, valid = (set(text.split()) for text in sys.argv[1:]); \
-          print(" or ".join(sorted({n for g in given for n in difflib.get_close_matches(g, valid, 2, 0.7)})))' '$1' '$2')
-MEANT   = $(if $(CLOSEST), (did you mean $(CLOSEST)?))
-WRONG  := $(filter-out $(TARGETS),$(MAKECMDGOALS))
-ifneq ($(WRONG),)
-$(error make: unknown target $(WRONG)$(call MEANT,$(WRONG),$(TARGETS)); valid: $(TARGETS))
-endif
-
 # A misspelt variable would be ignored. Names with an underscore are those of libraries.
-collect_TAKES       = ROBOT CONTROLLER SCENE SCENES EPISODES CAMERA LIGHT SEED OUT WORKERS ARGS
-dataset-bench_TAKES = ROBOT CONTROLLER TRAIN UNSEEN KINDS PATHS IMAGE OUT WORKERS ARGS
-evaluate_TAKES      = ROBOT CONTROLLER POLICY OUT SEED ARGS
-evidence_TAKES      = ARGS
-train-gait_TAKES    = ROBOT OUT
-report_TAKES        = OUT SEED
-verify_TAKES        = OUT SEED
-setup_TAKES         = EXTRA
-bench_TAKES         = ONLY
-GIVEN   := $(foreach name,$(.VARIABLES),$(if $(filter line,$(origin $(name))),$(if $(findstring _,$(name)),,$(name))))
-TAKEN   := $(sort $(foreach goal,$(MAKECMDGOALS),$($(goal)_TAKES)))
-UNKNOWN := $(filter-out $(TAKEN) VERBOSE PYTHON SHELL MAKE%,$(GIVEN))
-ifneq ($(UNKNOWN),)
-$(error make $(MAKECMDGOALS): unknown variable $(UNKNOWN)$(call MEANT,$(UNKNOWN),$(TAKEN)); valid: $(or $(TAKEN),none))
+VARIABLES = ROBOT CONTROLLER SCENE SCENES EPISODES CAMERA LIGHT SEED OUT WORKERS ARGS POLICY TRAIN UNSEEN KINDS PATHS \
+            IMAGE EXTRA ONLY VERBOSE PYTHON SHELL MAKE%
+GIVEN     := $(foreach name,$(.VARIABLES),$(if $(filter line,$(origin $(name))),$(if $(findstring _,$(name)),,$(name))))
+ifneq ($(filter-out $(VARIABLES),$(GIVEN)),)
+$(error unknown variable $(filter-out $(VARIABLES),$(GIVEN)); valid: $(filter-out PYTHON SHELL MAKE%,$(VARIABLES)))
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: $(TARGETS)
+.PHONY: help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
+        report verify doctor clean
 
 help:  ## Show this help
 	@echo "usage: make <target> [VARIABLE=value …]"
@@ -59,17 +40,16 @@ help:  ## Show this help
 	@echo "variables for collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
 	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"
-	@printf '%s\n' $(foreach target,$(filter-out collect,$(TARGETS)),$(if $($(target)_TAKES),"variables for $(target): $($(target)_TAKES)"))
 	@echo "Without OUT, evaluate, report and verify take the run runs/apartment-SEED."
 
 setup:  ## Install the core environment into .venv (collect does this automatically) [EXTRA=train,… VERBOSE=1]
-	@$(SETUP) core $(EXTRA)
+	@$(SETUP) core "$(EXTRA)"
 
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
 
-dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [ROBOT=h1,aliengo TRAIN=40 UNSEEN=10 KINDS=apartment,villa,house PATHS=36 IMAGE=128]
+dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [ROBOT=h1,aliengo CONTROLLER=… TRAIN=40 UNSEEN=10 KINDS=apartment,villa PATHS=36 IMAGE=128 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/python -m benchmarks.dataset $(if $(TRAIN),--train "$(TRAIN)") $(if $(UNSEEN),--unseen "$(UNSEEN)") \
 	    $(if $(KINDS),--kinds "$(KINDS)") $(if $(PATHS),--paths "$(PATHS)") $(if $(IMAGE),--image "$(IMAGE)") $(if $(OUT),--out "$(OUT)") \
@@ -81,7 +61,7 @@ evidence:  ## Train and test what docs/results/data.md rests on: make evidence [
 	@$(SETUP) full
 	@$(BIN)/python -m benchmarks.evidence $(ARGS)
 
-evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots ROBOT=h1 [OUT=runs/<name>]
+evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots ROBOT=h1 [CONTROLLER=speed OUT=runs/<name>]
 	@$(SETUP) core $(if $(filter $(SHIPPED) %.safetensors,$(POLICY)),train)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
