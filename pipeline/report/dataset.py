@@ -1,6 +1,5 @@
-"""The dataset in figures, split by split: lengths, words, actions, rooms, and a word cloud."""
+"""The dataset in figures, split by split: lengths, words, actions, rooms."""
 
-import re
 from collections import Counter
 from collections.abc import Sequence
 from statistics import fmean
@@ -10,55 +9,10 @@ from ...formats.core.episode import Episode
 from ...formats.core.rollout import Action
 from ...formats.vlnce.groups import TEXTS
 from ...trajectory_sampler.ideal import ideal_actions
-from .svg import Plot, bars, step_histogram, word_cloud
+from .plots import Plot, bars, step_histogram, svg_uri
 
 # R2R's paths (Anderson et al., "Vision-and-language navigation", 2018) are 10 m long on average.
 R2R_MEAN_M = 10.0
-# Words that say nothing of a place or a motion.
-_FILLING = frozenset(
-    [
-        "a",
-        "an",
-        "and",
-        "are",
-        "as",
-        "at",
-        "be",
-        "by",
-        "for",
-        "from",
-        "have",
-        "in",
-        "into",
-        "is",
-        "it",
-        "its",
-        "of",
-        "off",
-        "on",
-        "once",
-        "one",
-        "or",
-        "out",
-        "so",
-        "that",
-        "the",
-        "their",
-        "then",
-        "there",
-        "this",
-        "to",
-        "until",
-        "up",
-        "when",
-        "where",
-        "which",
-        "will",
-        "with",
-        "you",
-        "your",
-    ]
-)
 
 
 def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
@@ -69,25 +23,20 @@ def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
     lengths = {split: [e.reference_length_m for e in some] for split, some in by_split.items()}
     words = {split: [len(text.split()) for text in listed] for split, listed in texts.items()}
     rooms = {split: _rooms_crossed(some) for split, some in by_split.items()}
-    plots = [
-        Plot(
-            step_histogram(lengths, "reference path [m]", "paths", marks={"R2R mean": R2R_MEAN_M}),
-            f"Length of the reference paths. {_means(lengths, 'm')}",
+    marks = {"R2R mean": R2R_MEAN_M}
+    figures = {
+        f"Length of the reference paths. {_means(lengths, 'm')}": step_histogram(
+            lengths, "reference path [m]", "paths", marks
         ),
-        Plot(
-            step_histogram(words, "words", "instructions"),
-            f"Length of the instructions. {_means(words, 'words')}",
+        f"Length of the instructions. {_means(words, 'words')}": step_histogram(
+            words, "words", "instructions"
         ),
-        Plot(bars(_actions(by_split), "share of steps"), _actions_note(by_split)),
-    ]
+        _actions_note(by_split): bars(_actions(by_split), "share of steps"),
+    }
     if any(rooms.values()):
         caption = f"Passages from room to room per path. {_means(rooms, '')}"
-        plots.append(Plot(step_histogram(rooms, "rooms crossed", "paths", width=1.0), caption))
-    for split, listed in texts.items():
-        if listed:
-            caption = f"Words of the instructions of {split}, without filling words."
-            plots.append(Plot(word_cloud(count_words(listed)), caption))
-    return plots
+        figures[caption] = step_histogram(rooms, "rooms crossed", "paths")
+    return [Plot(svg_uri(figure), caption) for caption, figure in figures.items()]
 
 
 def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
@@ -112,12 +61,6 @@ def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
 def texts_of(episode: Episode) -> list[str]:
     """Return all instructions of a path."""
     return episode.extra.get(TEXTS) or [text for text in [episode.instruction] if text]
-
-
-def count_words(texts: Sequence[str]) -> Counter[str]:
-    """Return how often each word occurs that says something."""
-    found = re.findall(r"[^\W\d_]{2,}(?:['’-][^\W\d_]+)*", " ".join(texts).lower())
-    return Counter(word for word in found if word not in _FILLING)
 
 
 def _rooms_crossed(episodes: Sequence[Episode]) -> list[float]:
