@@ -93,7 +93,10 @@ def _default(one: Field[Any]) -> str:
 
 
 def _cell(text: str) -> str:
-    return _linked(" ".join(text.split()).replace("|", "\\|").replace("<", "\\<"))
+    """Return a text for a table; outside of code, what Markdown would read is escaped."""
+    parts = " ".join(text.split()).replace("|", "\\|").split("`")
+    parts[::2] = [re.sub(r"([<*])", r"\\\1", part) for part in parts[::2]]
+    return _linked("`".join(parts))
 
 
 def _linked(text: str) -> str:

@@ -1,5 +1,6 @@
 """The site that `make docs` builds: pages in Markdown, options and API from the code."""
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,14 @@ html_copy_source = False
 highlight_language = "text"
 default_role = "code"  # of `this` in docstrings
 myst_heading_anchors = 4
-autodoc_typehints = "description"
+smartquotes = False  # `--option` stays as it is
+python_maximum_signature_line_length = 88
+python_use_unqualified_type_names = True
+napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True}
+
+ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[[^\]]*\], ~?numpy\.dtype\[~?(?:numpy\.)?(\w+)\]\]")
 
 
 def _with_options(app: Sphinx, page: str, source: list[str]) -> None:
@@ -46,8 +52,23 @@ def _with_examples(
                 lines[number:number] = ["::", ""]
 
 
+def _with_short_arrays(
+    app: Sphinx,
+    what: str,
+    name: str,
+    value: object,
+    options: object,
+    signature: str | None,
+    returns: str | None,
+) -> tuple[str | None, str | None]:
+    """Write `ndarray[float32]` for an array; docstrings give the shapes."""
+    short = [text and ARRAY.sub(r"ndarray[\1]", text) for text in (signature, returns)]
+    return short[0], short[1]
+
+
 def setup(app: Sphinx) -> dict[str, Any]:
     """Register the hooks with Sphinx."""
     app.connect("source-read", _with_options)
     app.connect("autodoc-process-docstring", _with_examples)
+    app.connect("autodoc-process-signature", _with_short_arrays)
     return {"parallel_read_safe": True}
