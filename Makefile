@@ -57,7 +57,7 @@ dataset-bench:  ## Collect the training data of the baselines: make dataset-benc
 	    $(if $(filter-out file,$(origin CONTROLLER)),--controller "$(CONTROLLER)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
-evidence:  ## Train and test what docs/results/data.md rests on: make evidence [ARGS="--data RUN --run RUN --tables 1,2"]
+evidence:  ## Train and test what docs/results/data.md rests on: make evidence [ARGS="mixtures --draw"]
 	@$(SETUP) full
 	@$(BIN)/python -m benchmarks.evidence $(ARGS)
 
