@@ -1,4 +1,4 @@
-"""Check a text, claim by claim, against the facts of its path."""
+"""Check a text and its claims against the facts of its path."""
 
 from .check import Verdict, check_text
 from .ground import Ground

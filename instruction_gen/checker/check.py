@@ -1,20 +1,15 @@
-"""The verdict on a text."""
+"""The verdict about a text: what its claims get wrong, and what no claim covers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..facts.records import PathFacts
-from ..language.announced import readings
-from ..language.asides import with_asides
-from ..language.clauses import Parse
-from ..language.ending import last_stop
-from ..language.parse import parse
-from .align import Contradiction, align
-from .claims import claims_of
+from ..language.claims import Step
+from ..language.phrases import is_known
+from ..language.reader import read_text
+from .accounting import accounting_problems
 from .form import form_problems
 from .ground import Ground
-
-REFUSED = 1.0  # contradictions that are together as strong as this refuse a text
+from .order import check_order
 
 
 @dataclass(frozen=True)
@@ -22,15 +17,16 @@ class Verdict:
     """What is wrong with a text.
 
     Attributes:
-        problems: one line each; empty when every claim holds.
-        clauses: (start, stop, problems) of each clause, in characters of the text.
-        unchecked: the share of words in clauses that make no claim: what is not understood is not
-            refused, but counted here.
+        problems: why it is refused; none where it is accepted.
+        clauses: start and end of its clauses in the text, and what is wrong with each.
+        unchecked: words that no claim covers.
+        steps: the steps with the claims that were checked.
     """
 
     problems: tuple[str, ...]
     clauses: tuple[tuple[int, int, tuple[str, ...]], ...] = ()
-    unchecked: float = 0.0
+    unchecked: tuple[str, ...] = ()
+    steps: tuple[Step, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -38,63 +34,53 @@ class Verdict:
         return not self.problems
 
 
-def check_text(text: str, facts: PathFacts | Ground) -> Verdict:
+def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict:
     """Check a text against the facts of its path.
 
     Args:
-        text: an instruction in English.
-        facts: of its path; build a `Ground` once to check several texts.
+        steps: the text with its claims, from its writer. Their claims must hold and cover the
+            words. Without them claims are read from the text where they are certain, and the
+            other words are returned as unchecked.
     """
-    ground = facts if isinstance(facts, Ground) else Ground(facts)
-    read = parse(text)
-    problems = form_problems(read)
+    problems = form_problems(text)
     if problems:
-        return Verdict(tuple(problems), _spans(read, []))
-    meant = readings(read)
-    meant += [other for one in meant if (other := with_asides(one)) is not None]
-    verdicts = [_verdict(reading, ground) for reading in meant]
-    return min(verdicts, key=lambda verdict: verdict[0])[1]
+        return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
+    delivered = bool(steps)
+    steps = tuple(steps) or tuple(read_text(text))
+    found: list[tuple[int, str]] = []
+    if delivered:
+        found += accounting_problems(steps, text)
+    else:
+        found += [(k, fault) for k, step in enumerate(steps) for fault in step.faults]
+        found += _idle_sentences(text, steps)
+    owners = [k for k, step in enumerate(steps) for _ in step.claims]
+    claims = [claim for step in steps for claim in step.claims]
+    if not any(c.kind == "stop" for c in claims):
+        found.append((len(steps) - 1, "the text does not say where to stop"))
+    found += [(owners[p.index], p.reason) for p in check_order(claims, ground)]
+    clauses, at = [], 0
+    for number, step in enumerate(steps):
+        start = max(text.find(step.words, at), 0) if delivered else step.start
+        at = start + len(step.words)
+        reasons = tuple(dict.fromkeys(r for k, r in found if k == number))
+        clauses.append((start, at, reasons))
+    every = tuple(dict.fromkeys(reason for _, reason in found))
+    unchecked = () if delivered else tuple(w for step in steps for w in step.unchecked)
+    return Verdict(every, tuple(clauses), unchecked, steps)
 
 
-def _verdict(read: Parse, ground: Ground) -> tuple[float, Verdict]:
-    """Return how strongly a reading is contradicted, and the verdict on it."""
-    problems = [] if last_stop(read) is not None else ["the text does not say where to stop"]
-    claims = claims_of(read, ground)
-    found = align(claims, ground)
-    strength = len(problems) + sum(one.strength for one in found)
-    if strength < REFUSED:
-        found = []
-    problems += [f"{_said(read, one.clause)}: {one.reason}" for one in found]
-    unchecked = _unchecked(read, {claim.clause for claim in claims if not claim.maybe})
-    return strength, Verdict(tuple(problems), _spans(read, found), unchecked)
-
-
-def _unchecked(read: Parse, claiming: set[int]) -> float:
-    """Return the share of words in clauses that make no claim and name nothing known."""
-    empty = total = 0
-    for k, clause in enumerate(read.clauses):
-        words = len(read.text[clause.start : clause.stop].split())
-        total += words
-        if k not in claiming and not any(
-            n.kind in ("object", "room", "door") for n in clause.nouns
-        ):
-            empty += words
-    return empty / max(1, total)
-
-
-def _said(read: Parse, clause: int) -> str:
-    if clause >= len(read.clauses):
-        return "the text"
-    part = read.clauses[clause]
-    return f"“{read.text[part.start : part.stop].strip(' ,.;')}”"
-
-
-def _spans(
-    read: Parse, found: Sequence[Contradiction]
-) -> tuple[tuple[int, int, tuple[str, ...]], ...]:
-    return tuple(
-        sorted(
-            (c.start, c.stop, tuple(one.reason for one in found if one.clause == index))
-            for index, c in enumerate(read.clauses)
-        )
-    )
+def _idle_sentences(text: str, steps: Sequence[Step]) -> list[tuple[int, str]]:
+    """Return the sentences that claim nothing and hold words that belong into no route."""
+    result = []
+    group: list[int] = []
+    for number, step in enumerate(steps):
+        group.append(number)
+        end = step.start + len(step.words)
+        after = text[end : steps[number + 1].start] if number + 1 < len(steps) else "."
+        if not any(c in ".!?;" for c in after):
+            continue
+        odd = [w for k in group for w in steps[k].unchecked if not is_known(w)]
+        if odd and not any(steps[k].claims for k in group):
+            result.append((group[0], f"a sentence that claims nothing: {', '.join(odd[:4])}"))
+        group = []
+    return result

@@ -1,217 +1,384 @@
-"""Where along a path a claim about a room or a door is true."""
+"""Where along a path something is true: things, rooms and doors as masks over places."""
 
-from dataclasses import replace
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..facts.doors import DOOR
-from ..facts.records import PassageFact
-from ..language.clauses import Noun
-from .things import (
-    DOOR_M,
-    REACH_M,
-    VAGUE,
-    Found,
-    Mask,
-    Things,
-    replace_head,
-    replace_side,
-    room_names,
-    spread,
-)
+from ..facts.geometry import MOMENT_M
+from ..facts.records import LandmarkFact, PassageFact, PathFacts
+from ..language.claims import Claim
+from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, OBJECT_PHRASES, ROOM_PHRASES
+from ..language.nouns import called, room_answers
 
-_INTO_M = 1.5  # who starts on a threshold comes into the room until then
-_BEFORE_DOORS_M, _DOORS_M, _APART_DEG = 1.5, 6.0, 15.0
+Mask = NDArray[np.bool_]
+Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
 
-__all__ = ["Found", "Ground", "Mask", "room_names", "spread"]
+PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
+_TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
+_DOOR_M = 0.9  # around the middle of a passage
+_VISIBLE_PIXELS = 12
+_SIDE_DEG = (8.0, 172.0)
+_CLEAR_SIDE_DEG = 25.0
+_DOOR_SIDE_DEG = 10.0
+_THROUGH_M = 0.4
 
 
-class Ground(Things):
-    """The facts of one path: its things, rooms and doors."""
+class Ground:
+    """The facts of one path over S places, a quarter of a metre apart."""
 
-    @property
-    def passages_m(self) -> list[float]:
-        """Where along the path rooms are changed [m], with the threshold that it stops on."""
-        ends = [self.length_m] if self.facts.goal_rooms else []
-        return [*(p.along_m for p in self.facts.passages), *ends]
+    def __init__(self, facts: PathFacts):
+        """Spread the landmarks' moments over the path."""
+        self.facts = facts
+        self.length_m = facts.length_m
+        samples = max(2, round(facts.length_m / MOMENT_M) + 1)
+        self.along_m: NDArray[np.float64] = np.linspace(0.0, facts.length_m, samples).astype(float)
+        shape = (len(facts.landmarks), samples)
+        self.distance, self.bearing = np.full(shape, np.inf), np.zeros(shape)
+        self.facing = np.full(shape, 180.0)
+        self.open, self.seen = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        for n, mark in enumerate(facts.landmarks):
+            for m in mark.moments:
+                k = min(max(round(m.along_m / self.along_m[1]), 0), samples - 1)
+                self.distance[n, k], self.bearing[n, k] = m.distance_m, m.bearing_deg
+                self.facing[n, k], self.open[n, k] = m.facing_deg, m.open
+                self.seen[n, k] = m.open or m.pixels >= _VISIBLE_PIXELS
+        self._near_m = np.where(self.open | (self.distance <= _TOUCH_M), self.distance, np.inf)
+
+    def between(self, low_m: float, high_m: float) -> Mask:
+        """Return the places between two distances along the path."""
+        return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
+
+    # things -----------------------------------------------------------------------------------
+
+    def passed(self, claim: Claim) -> Place:
+        """Return where a thing is beside the walker."""
+        abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
+        abeam |= self.distance <= 0.3  # a rug that is walked over
+        ahead = (self._near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
+        near = (self._near_m <= PASS_M) & abeam
+        return self._where(claim, near | (ahead & bool(claim.side)), "is not beside the path")
+
+    def seen_at(self, claim: Claim) -> Place:
+        """Return where a thing is in view; one on a side is nearby."""
+        reach = BESIDE_M if claim.side else SEE_M
+        mask = self.seen & (self.distance <= reach) & (np.abs(self.bearing) <= 125.0)
+        return self._where(claim, mask | (self._near_m <= PASS_M), "is never in view")
+
+    def reached(self, claim: Claim) -> Place:
+        """Return where a thing is at hand, or close ahead."""
+        ahead = (self._near_m <= BESIDE_M) & (np.abs(self.bearing) <= 60.0)
+        return self._where(claim, (self._near_m <= REACH_M) | ahead, "is not reached")
+
+    def stopped_at(self, claim: Claim) -> str:
+        """Return why the path does not stop at a thing, "" where it does."""
+        last = np.zeros_like(self.open)
+        reach = {"before": 3.2, "past": 3.2, "between": 2.8}.get(claim.place, REACH_M)
+        reach = max(reach, 3.2) if claim.side else reach
+        last[:, -2:] = self._near_m[:, -2:] <= reach
+        if claim.place == "past":
+            last[:, -1] &= np.abs(self.bearing[:, -1]) >= 40.0
+            last[:, -2] = False
+        return self._where(claim, last, "is not at the end of the path")[1]
+
+    def abeam_m(self, claim: Claim) -> float | None:
+        """Return where a thing is passed [m]; None if several may be meant."""
+        near = [n for n in self._meant(claim) if (self._near_m[n] <= PASS_M).any()]
+        if len(near) != 1:
+            return None
+        across = np.abs(np.abs(self.facing[near[0]]) - 90.0) / 15.0 + self._near_m[near[0]]
+        return float(self.along_m[np.argmin(across)])
+
+    def _where(self, claim: Claim, mask: Mask, fault: str) -> Place:
+        """Restrict a mask (N, S) to the things that a claim may mean."""
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        name = claim.name or "doorway"
+        chosen = self._meant(claim)
+        if not chosen:
+            known = any(called(n, name) for n in self.facts.level_nouns)
+            return nothing, f"there is no {name} {'on the route' if known else 'in this scene'}"
+        for kind, value in (("material", claim.material), ("colour", claim.colour)):
+            # What neither label nor picture says of any of them cannot be checked.
+            looks = [self._looks(n, kind) for n in chosen]
+            if value and any(looks):
+                chosen = [n for n, own in zip(chosen, looks, strict=True) if value in own]
+            if not chosen:
+                return nothing, f"nothing says that the {name} is {value}"
+        here = mask[chosen]
+        if not here.any():
+            return nothing, f"the {name} {fault}"
+        if claim.side in ("left", "right", "ahead", "behind"):
+            here = here & self._sided(chosen, claim.side, here)
+            if not here.any():
+                return nothing, f"the {name} is not {_spoken(claim.side)}"
+        if claim.ordinal:
+            here = here & self._ordinal(chosen, claim)[:, None]
+            if not here.any():
+                return nothing, f"that is not {name} number {claim.ordinal}"
+        result = np.asarray(here.any(axis=0))
+        if claim.count > 1:
+            result = result & self._counted(chosen, claim.count)
+            if not result.any():
+                return nothing, f"there are not {claim.count} of them ({name})"
+        return result, ""
+
+    def _meant(self, claim: Claim) -> list[int]:
+        """Return the things that a claim may mean, by name and room."""
+        marks = list(enumerate(self.facts.landmarks))
+        if claim.what == "door":
+            doors = [n for n, m in marks if m.noun == DOOR]
+            names = room_names(claim.room)
+            return [n for n in doors if not names or self._leads_to(n, names)]
+        found = [n for n, m in marks if called(m.noun, claim.name)]
+        head, _, kind = claim.name.rpartition(" ")
+        if not found and head and room_names(head):
+            found = [n for n, m in marks if called(m.noun, kind) and m.room in room_names(head)]
+        if not found and head and head in OBJECT_PHRASES:
+            present = any(called(m.noun, head) for _, m in marks)
+            found = [n for n, m in marks if called(m.noun, kind)] if present else []
+        if claim.room:
+            return [n for n in found if self.facts.landmarks[n].room in room_names(claim.room)]
+        return found
+
+    def _leads_to(self, n: int, names: frozenset[str]) -> bool:
+        """Return whether a doorway leads to or from a room."""
+        door = self.facts.landmarks[n]
+        if door.room in names:
+            return True
+        for p in self.facts.passages:
+            k = int(np.argmin(np.abs(self.along_m - p.along_m)))
+            if self.distance[n, max(k - 1, 0) : k + 2].min() <= _THROUGH_M:
+                return bool({p.from_room, p.to_room} & names)
+        near_goal = door.goal_distance_m <= 2.6
+        if near_goal and names & {*self.facts.goal_rooms, *self.facts.goal_near_rooms}:
+            return True
+        if door.distance_m <= 1.2 and door.along_m <= 1.0 and names & set(self.facts.start_rooms):
+            return True
+        # A door that is only passed: to which of the rooms behind it leads is not in the facts.
+        visit = next((v for v in self.facts.visits if v.to_m >= door.along_m - 0.3), None)
+        return not near_goal and visit is not None and bool(names & set(visit.beyond))
+
+    def _looks(self, n: int, kind: str) -> set[str]:
+        mark = self.facts.landmarks[n]
+        if kind == "material":
+            return {mark.material} - {""}
+        own = {mark.colour, INNATE_COLOURS.get(mark.noun, "")} - {""}
+        return own | {near for colour in own for near in COLOUR_NEIGHBOURS.get(colour, ())}
+
+    def _sided(self, chosen: list[int], side: str, where: Mask | None = None) -> Mask:
+        """Return (N, S) where things are on a side; ahead of the walker is on neither.
+
+        Unless they are never clearly on one at the places `where` (N, S).
+        """
+        bearing, facing = self.bearing[chosen], self.facing[chosen]
+        if side == "ahead":
+            return np.minimum(np.abs(facing), np.abs(bearing)) <= 50.0
+        if side == "behind":
+            return np.maximum(np.abs(facing), np.abs(bearing)) >= 75.0
+        sign = 1 if side == "left" else -1
+        low, high = _SIDE_DEG
+        beside = (sign * bearing > low) & (sign * bearing < high)
+        loose = beside | ((sign * facing > low) & (sign * facing < high) & (np.abs(bearing) <= low))
+        if where is None:
+            return loose
+        clear = where & (np.abs(bearing) >= _CLEAR_SIDE_DEG) & (np.abs(bearing) <= 155.0)
+        return np.where(clear.any(axis=1)[:, None], loose & clear, loose)
+
+    def _ordinal(self, chosen: list[int], claim: Claim) -> Mask:
+        """Return which things have an ordinal, counted from the start, in a room, or on a side."""
+        near = [n for n in chosen if (self._near_m[n] <= BESIDE_M).any()]
+        near.sort(key=lambda n: self.facts.landmarks[n].along_m)
+        rows = [near]
+        if claim.side in ("left", "right"):
+            on_side = self._sided(near, claim.side) & (self._near_m[near] <= BESIDE_M)
+            rows.append([n for n, row in zip(near, on_side, strict=True) if row.any()])
+        for visit in self.facts.visits:
+            for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
+                rows += [
+                    [n for n in row if first_m <= self.facts.landmarks[n].along_m <= visit.to_m + 0.5]
+                    for row in rows[:2]
+                ]
+        k = claim.ordinal - 1 if claim.ordinal > 0 else -1
+        right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
+        return np.array([n in right for n in chosen], dtype=bool)
+
+    def _counted(self, chosen: list[int], number: int) -> Mask:
+        def around(reach_m: float) -> NDArray[np.int64]:
+            rows = self._near_m[chosen] <= reach_m
+            return np.sum([spread(row, self.along_m, 1.5) for row in rows], axis=0)
+
+        return (around(1.2) <= number) & (number <= around(4.5))
 
     # rooms ------------------------------------------------------------------------------------
 
-    def entered(self, noun: Noun) -> Found:
-        """Return where a room is entered."""
-        edges = self._thresholds(noun)
-        if edges is not None:
-            return edges
-        return self._rooms(noun, lambda v: self._around(v.from_m) if v.from_m > 0 else None)
+    def entered(self, claim: Claim) -> Place:
+        """Return where a room is entered, on the side said; any room without a name."""
+        return self._crossed(claim, lambda p: p.to_room, self.facts.goal_rooms, "is not entered")
 
-    def left(self, noun: Noun) -> Found:
-        """Return where a room is left, on the side said."""
-        end = self.length_m
-        if noun.side:
-            sided = [p for p in self.facts.passages if self._door_side(p.along_m, noun.side)]
-            near = [self._around(p.along_m) for p in sided]
-            found = self.left(replace_side(noun, ""))
-            mask = found.mask & np.any(near, axis=0) if near else np.zeros_like(found.mask)
-            if not found.reason and not mask.any():
-                return Found(mask, f"the {noun.text} is not left on the {noun.side}")
-            return Found(mask, found.reason)
-        found = self._rooms(noun, lambda v: self._around(v.to_m) if v.to_m < end - 0.05 else None)
-        inside = self.facts.visits[0].room in room_names(noun.head)
-        if not inside and self._is_in(noun, self.facts.start_rooms):
-            return Found(found.mask | self._around(0.0))
-        return found
+    def left(self, claim: Claim) -> Place:
+        """Return where a room is left."""
+        return self._crossed(claim, lambda p: p.from_room, (), "is not left")
 
-    def _thresholds(self, noun: Noun) -> Found | None:
-        """Return where a room is entered at the very start or end of the path.
+    def through_door(self, claim: Claim) -> Place:
+        """Return where the path goes through a doorway with the side, room and number said."""
+        names = room_names(claim.room)
+        mask = np.zeros(len(self.along_m), dtype=bool)
+        rooms = [p for p in self.facts.passages if not names or names & {p.from_room, p.to_room}]
+        if claim.room and not rooms and not names & set(self.facts.goal_rooms):
+            return mask, f"the path does not go through the door of the {claim.room}"
+        sided = [p for p in rooms if claim.side not in ("left", "right")
+                 or self.door_side(p, claim.side)]  # fmt: skip
+        ends = self.facts.goal_rooms and (not names or names & set(self.facts.goal_rooms))
+        if not sided and not ends and (rooms or claim.side):
+            return mask, f"no doorway on the path is {_spoken(claim.side)}"
+        for p in sided:
+            mask |= self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
+        doors = self._meant(Claim("door", "door"))
+        if not claim.side and not names:  # inside of what the map calls one room
+            mask |= (self.distance[doors] <= 0.5).any(axis=0) if doors else False
+        if ends:
+            mask |= self.between(self.length_m - 1.0, self.length_m)
+        if claim.ordinal and mask.any():
+            keep = self._ordinal(doors, claim) if doors else np.zeros(0, dtype=bool)
+            near = [self.distance[n] <= _DOOR_M for n, k in zip(doors, keep, strict=True) if k]
+            mask &= np.any(near, axis=0) if near else False
+            if not mask.any():
+                return mask, f"that is not doorway number {claim.ordinal}"
+        return mask, "" if mask.any() else "the path goes through no doorway"
 
-        None where it is not.
-        """
-        names = room_names(noun.head)
-        visits = self.facts.visits
-        start = visits[0].room in names and bool(self.facts.start_rooms)
-        end = visits[-1].room not in names and self._is_in(noun, self.facts.goal_rooms)
-        if not start and not end:
-            return None
-        masks = [self._around(v.from_m) for v in visits if v.room in names and v.from_m > 0]
-        masks += [self._between(0.0, _INTO_M)] * start + [self.at_goal(1.2)] * end
-        return Found(np.any(masks, axis=0))
+    def _crossed(self, claim: Claim, room, ends: Sequence[str], fault: str) -> Place:
+        names = room_names(claim.name)
+        mask = np.zeros(len(self.along_m), dtype=bool)
+        found = [p for p in self.facts.passages if not claim.name or room(p) in names]
+        if claim.side in ("left", "right"):
+            sided = [p for p in found if self.door_side(p, claim.side)]
+            if found and not sided:
+                return mask, f"the {claim.name or 'doorway'} is not {_spoken(claim.side)}"
+            found = sided
+        for p in found:
+            mask |= self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
+        if names & set(ends) or (ends and not claim.name):
+            mask |= self.between(self.length_m - 1.2, self.length_m)
+        if self.facts.start_rooms and claim.name:
+            # Who starts on a threshold leaves one room and comes into the other.
+            here = {*self.facts.start_rooms, self.facts.visits[0].room}
+            if names & here:
+                mask |= self.between(0.0, 1.5)
+        return mask, "" if mask.any() else f"the {claim.name or 'room'} {fault}"
 
-    @staticmethod
-    def _is_in(noun: Noun, rooms: tuple[str, ...]) -> bool:
-        return bool(room_names(noun.head) & set(rooms))
+    def inside(self, claim: Claim) -> Place:
+        """Return where the walker is in a room."""
+        names = room_names(claim.name)
+        mask = np.zeros(len(self.along_m), dtype=bool)
+        for v in self.facts.visits:
+            if v.room in names or not claim.name:
+                mask |= self.between(v.from_m - 0.5, v.to_m + 0.5)
+        if names & set(self.facts.start_rooms):
+            mask |= self.between(0.0, 0.8)
+        if names & set(self.facts.goal_rooms):
+            mask |= self.between(self.length_m - 1.0, self.length_m)
+        return mask, "" if mask.any() else f"the path does not visit the {claim.name}"
 
-    def inside(self, noun: Noun) -> Found:
-        """Return where one is in a room."""
-        return self._rooms(noun, lambda v: self._between(v.from_m - 0.4, v.to_m + 0.4))
-
-    def room_ahead(self, noun: Noun) -> Found:
-        """Return where a room lies ahead, or is entered."""
-        return self._rooms(noun, lambda v: self._between(v.from_m - 7.0, v.from_m + 1.0))
-
-    def room_end(self, noun: Noun) -> Found:
-        """Return the far end of a room, as it is walked."""
-        return self._rooms(noun, lambda v: self._between(max(v.from_m, v.to_m - 2.5), v.to_m + 0.6))
-
-    def room_in_view(self, noun: Noun) -> Found:
-        """Return everywhere for a room of the level: a doorway may show it."""
-        if room_names(noun.head) & {*self.facts.level_rooms, *(v.room for v in self.facts.visits)}:
-            return Found(np.ones(len(self.along_m), dtype=bool))
-        return Found(np.zeros(len(self.along_m), dtype=bool), f"the {noun.text} is never in view")
-
-    def room_behind_opening(self, noun: Noun) -> Found:
-        """Return where one is in a room with an opening to the one said, entered or not."""
-        names = room_names(noun.head)
-        visits = [v for v in self.facts.visits if names & set(v.beyond)]
-        if not visits:
-            nothing = np.zeros(len(self.along_m), dtype=bool)
-            return Found(nothing, f"the path does not come by the {noun.text}")
-        return Found(np.any([self._between(v.from_m, v.to_m) for v in visits], axis=0))
-
-    def stopped_in(self, noun: Noun) -> Found:
-        """Return the end of the path, if that is in the room."""
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        if self._is_in(noun, (self.facts.goal_room, *self.facts.goal_rooms)):
-            return Found(self.at_goal())
-        return Found(nothing, f"the path does not end in the {noun.text}")
-
-    def stopped_before(self, noun: Noun) -> Found:
-        """Return the end of the path, if that is close to a way into the room."""
-        entered = self.entered(noun).mask & self.at_goal(2.6)
-        if entered.any() or self._is_in(noun, self.facts.goal_near_rooms):
-            return Found(self.at_goal())
-        return self.stopped_in(noun)
-
-    def _rooms(self, noun: Noun, place) -> Found:
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        names = room_names(noun.head)
-        visits = [v for v in self.facts.visits if v.room in names]
-        if not visits:
-            return Found(nothing, f"the path does not visit the {noun.text}")
-        masks = [mask for v in visits if (mask := place(v)) is not None]
-        if not masks:
-            return Found(nothing, f"the {noun.text} is not entered or left so")
-        return Found(np.any(masks, axis=0))
-
-    # doors ------------------------------------------------------------------------------------
-
-    def through_door(self, noun: Noun) -> Found:
-        """Return where the path passes from one room into another."""
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        passages = list(self.facts.passages)
-        if noun.side not in ("", "left", "right"):
-            noun = replace_side(noun, "")  # what one goes through is ahead of one anyway
-        if noun.side:
-            passages = [p for p in passages if self._door_side(p.along_m, noun.side)]
-            ends = bool(self.facts.goal_rooms) and self._door_side(self.length_m, noun.side)
-            if not passages and self.facts.passages and not ends:
-                reason = f"no doorway that is walked through is on the {noun.side}"
-                return Found(nothing, reason, VAGUE)
-        masks = [self._around(p.along_m) for p in passages]
-        # A doorway inside of what the map calls one room.
-        near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
-        masks += [self.distance[n] <= 0.5 for n in near if not noun.side]
-        if self.facts.goal_rooms and (not noun.side or self._door_side(self.length_m, noun.side)):
-            masks.append(self.at_goal(1.0))
-        result = np.any(masks, axis=0) if masks else nothing
-        if not result.any():
-            return Found(nothing, "the path goes through no doorway")
-        if noun.ordinal:
-            there = result & self._numbered(noun, noun.ordinal)
-            if not there.any():
-                # People begin to count at the door that they came by, or at the one after it.
-                others = [self._numbered(noun, noun.ordinal + k) for k in (-1, 1)]
-                strength = VAGUE if (result & np.any(others, axis=0)).any() else 1.0
-                return Found(nothing, f"that is not doorway number {noun.ordinal}", strength)
-            result = there
-        return Found(result)
-
-    def _numbered(self, noun: Noun, number: int) -> Mask:
-        """Return where doorways are of a number, on the side of `noun` if it has one."""
-        marks = self.facts.landmarks
-        doors = [n for n, m in enumerate(marks) if m.noun == DOOR]
-        keep = self._ordinal(doors, replace(noun, ordinal=max(number, 1)))
-        at_m = [marks[n].along_m for n, kept in zip(doors, keep, strict=True) if kept]
-        near = [np.abs(self.along_m - m) <= DOOR_M for m in at_m]
-        return np.any([np.zeros(len(self.along_m), dtype=bool), *near], axis=0)
-
-    def door_near(self, noun: Noun, reach_m: float = REACH_M) -> Found:
-        """Return where a doorway is at hand."""
-        return self._where(replace_head(noun, DOOR), self._near(reach_m), "beside the path")
-
-    def stopped_at_door(self, reach_m: float = 2.0) -> Found:
-        """Return the end of the path, if a doorway is there."""
-        near = [n for n, m in enumerate(self.facts.landmarks) if m.noun == DOOR]
-        if any(self.distance[n, -1] <= reach_m for n in near):
-            return Found(self.at_goal())
-        if any(self.length_m - p.along_m <= reach_m for p in self.facts.passages):
-            return Found(self.at_goal())
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        return Found(nothing, "no doorway is at the end of the path")
-
-    def _door_side(self, along_m: float, side: str) -> bool:
-        sign = 1 if side == "left" else -1
+    def room_in_view(self, claim: Claim) -> Place:
+        """Return where a room may be seen, on the side said."""
+        names = room_names(claim.name)
+        everywhere = np.ones(len(self.along_m), dtype=bool)
+        if not names & {*self.facts.level_rooms, *(v.room for v in self.facts.visits)}:
+            return ~everywhere, f"there is no {claim.name}"
+        if claim.side not in ("left", "right"):
+            return everywhere, ""
+        inside = [n for n, m in enumerate(self.facts.landmarks) if m.room in names]
+        mask = (self._sided(inside, claim.side) & (self.distance[inside] <= 8.0)).any(axis=0)
         for p in self.facts.passages:
-            if abs(p.along_m - along_m) >= 0.05:
-                continue
-            if sign * p.bearing_deg > 10.0 or self._beside_another(p, sign):
-                return True
-        return any(
-            abs(t.along_m - along_m) <= 1.5 and sign * t.angle_deg > 15.0 for t in self.facts.turns
-        )
+            if p.to_room in names and self.door_side(p, claim.side):
+                mask = mask | self.between(p.along_m - 4.0, p.along_m + 0.5)
+            elif p.to_room in names:
+                mask = mask & ~self.between(p.along_m - 4.0, p.along_m + 0.5)
+        beyond = any(names & set(v.beyond) for v in self.facts.visits)
+        if not mask.any() and beyond and not inside:
+            return everywhere, ""  # nothing says where its door is
+        return mask, "" if mask.any() else f"the {claim.name} is not {_spoken(claim.side)}"
 
-    def _beside_another(self, passage: PassageFact, sign: int) -> bool:
-        """Return whether a doorway is the left (sign 1) or right (−1) one of two that lie ahead."""
-        k = int(np.searchsorted(self.along_m, max(0.0, passage.along_m - _BEFORE_DOORS_M)))
-        return any(
-            mark.noun == DOOR
-            and self.open[n, k]
-            and self.distance[n, k] <= _DOORS_M
-            and sign * (passage.bearing_deg - self.bearing[n, k]) > _APART_DEG
-            for n, mark in enumerate(self.facts.landmarks)
-        )
+    def room_passed(self, claim: Claim) -> Place:
+        """Return where a room lies beside the path, entered or not."""
+        names = room_names(claim.name)
+        mask, _ = self.inside(claim)
+        for v in self.facts.visits:
+            if names & set(v.beyond):
+                mask = mask | self.between(v.from_m, v.to_m)
+        if not mask.any():
+            return mask, f"the path does not come by the {claim.name}"
+        if claim.side not in ("left", "right"):
+            return mask, ""
+        seen, fault = self.room_in_view(claim)
+        return mask & seen, fault
 
-    def _around(self, along_m: float) -> Mask:
-        return self._between(along_m - DOOR_M, along_m + DOOR_M)
+    def stopped_in(self, claim: Claim) -> str:
+        """Return why the path does not stop in, outside or in the doorway of a room."""
+        facts, names = self.facts, room_names(claim.name)
+        near = {*facts.goal_rooms, *facts.goal_near_rooms}
+        entered_m = self.length_m - facts.visits[-1].from_m
+        if claim.place in ("outside", "before", "at", "past") and names & near:
+            return ""
+        if claim.place in ("outside", "before") and facts.goal_room in names:
+            return "" if 0 < entered_m <= 0.6 else f"the path ends inside the {claim.name}"
+        if claim.place not in ("outside", "before") and names & {facts.goal_room, *facts.goal_rooms}:
+            return ""
+        return f"the path does not end {claim.place or 'in'} the {claim.name}"
 
-    def _between(self, low_m: float, high_m: float) -> Mask:
-        return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
+    def stopped_at_door(self, claim: Claim) -> str:
+        """Return why the path does not stop at or in a doorway."""
+        facts, names = self.facts, room_names(claim.room)
+        reach = 1.3 if claim.place == "doorway" else 2.2
+        doors = [m for m in facts.landmarks if m.noun == DOOR and m.goal_distance_m <= reach]
+        last = facts.passages[-1] if facts.passages else None
+        since = self.length_m - last.along_m if last else np.inf
+        if not doors and since > reach:
+            return "no doorway is at the end of the path"
+        rooms = {*facts.goal_rooms, *facts.goal_near_rooms}
+        if last and since <= reach:
+            rooms |= {last.from_room, last.to_room}
+        if claim.room and not names & rooms:
+            inside = facts.goal_room in names and facts.visits[-1].exits <= 1
+            if not (inside and doors):
+                return f"the doorway at the end of the path is not that of the {claim.room}"
+        if claim.side in ("left", "right", "ahead", "behind") and doors:
+            return self.stopped_at(Claim("stop", "door", side=claim.side))
+        return ""
+
+    def door_side(self, passage: PassageFact, side: str) -> bool:
+        """Return whether a doorway that is walked through may be said to be on a side."""
+        sign = 1 if side == "left" else -1
+        near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= 2.0]
+        if any(sign * t.angle_deg >= 20.0 for t in near) or sign * passage.bearing_deg > 12.0:
+            return True
+        if any(sign * t.angle_deg <= -28.0 for t in near) or sign * passage.bearing_deg < -18.0:
+            return False
+        k = int(np.argmin(np.abs(self.along_m - passage.along_m)))
+        before = slice(max(0, k - 18), max(1, k - 1))
+        for n in self._meant(Claim("door", "door")):
+            if self.distance[n, max(k - 1, 0) : k + 2].min() <= _THROUGH_M:
+                seen = self.open[n, before] & (self.distance[n, before] > 0.5)
+                return bool((seen & (sign * self.facing[n, before] > _DOOR_SIDE_DEG)).any())
+        return False
+
+
+def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
+    """Return the places within `by_m` of those in `mask`."""
+    k = max(1, round(by_m / along_m[1]))
+    return np.convolve(mask, np.ones(2 * k + 1), mode="same")[: len(mask)] > 0.5
+
+
+def room_names(name: str) -> frozenset[str]:
+    """Return the canonical rooms that a phrase may mean."""
+    return frozenset(r for r in ROOM_PHRASES.get(name, ()) if name in room_answers(r))
+
+
+def answers_to(mark: LandmarkFact, name: str) -> bool:
+    """Return whether a landmark may be called by a phrase."""
+    return called(mark.noun, name)
+
+
+def _spoken(side: str) -> str:
+    return {"ahead": "ahead", "behind": "behind the walker"}.get(side, f"on the {side}")

@@ -1,186 +1,294 @@
-"""Reading noun phrases."""
+"""Noun phrases, distances and sides in a row of tokens."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
-from .clauses import Noun
-from .function_words import VERB_OF
-from .lexicon import (
-    ADJECTIVES,
-    COLOURS,
-    DOORS,
-    GENERIC,
-    MATERIALS,
+from .claims import Claim
+from .lexicon import ADJECTIVES, COLOURS, DOORS, MATERIALS, OBJECT_PHRASES, ROOM_PHRASES, singular
+from .tokens import Token
+from .words import (
+    DETERMINERS,
+    FILLERS,
+    JOINTS,
+    NEGATIONS,
     NUMBERS,
-    OBJECT_PHRASES,
     ORDINALS,
     PARTS,
-    ROOM_PHRASES,
-    singular,
+    PREP_OF,
+    PRONOUNS,
+    SHARP,
+    SLIGHT,
+    UNITS_M,
+    VAGUE_COUNTS,
+    VERB_OF,
 )
-from .tokens import Token
 
-DETERMINERS = frozenset(
-    "the a an your our this that these those its their some both all any each every".split()
-)
-_MAIN = frozenset("front main entrance entry apartment house".split())
-_BARE = frozenset("it them there here".split())
+_SIDES = ("left", "right")
+_VAGUE_M = 2.0
 
 
-def is_object(word: str) -> bool:
-    """Return whether a word or phrase, also in the plural, names a kind of thing."""
-    return word in OBJECT_PHRASES or _single(word) in OBJECT_PHRASES
+@dataclass(frozen=True)
+class Phrase:
+    """A target that a text names.
 
-
-def is_room(word: str) -> bool:
-    """Return whether a word or phrase names a kind of room."""
-    return word in ROOM_PHRASES or _single(word) in ROOM_PHRASES
-
-
-def _single(phrase: str) -> str:
-    words = phrase.split()
-    return " ".join([*words[:-1], singular(words[-1])]) if words else ""
-
-
-def read_noun(tokens: Sequence[Token], k: int) -> tuple[Noun, int] | None:
-    """Return the noun phrase that begins at token `k`, and the token after it.
-
-    None when none does.
+    Attributes:
+        what, name, side, ordinal, count, colour, material, room: as in `claims.Claim`.
+        plural: several are meant.
+        used: indices of the tokens it consists of.
     """
-    start = k
-    determined = number = ordinal = 0
-    colour = material = side = ""
-    only = False
-    words: list[str] = []
-    while k < len(tokens) and tokens[k].is_word:
+
+    what: str
+    name: str = ""
+    side: str = ""
+    ordinal: int = 0
+    count: int = 0
+    colour: str = ""
+    material: str = ""
+    room: str = ""
+    plural: bool = False
+    used: tuple[int, ...] = ()
+
+    def claim(self, kind: str, **more: object) -> Claim:
+        """Return a claim about the target."""
+        count = self.count or (2 if self.plural and self.what == "thing" else 0)
+        claim = Claim(
+            kind, self.what, self.name, self.side, self.ordinal, count if self.count else 0,
+            self.colour, self.material, self.room,
+        )  # fmt: skip
+        return replace(claim, **more)  # type: ignore[arg-type]
+
+
+def noun_kind(word: str) -> str:
+    """Return `thing`, `room` or `door` for a noun, "" for other words."""
+    one = singular(word)
+    if word in DOORS or one in DOORS:
+        return "door"
+    if word in ROOM_PHRASES or one in ROOM_PHRASES:
+        return "room"
+    return "thing" if word in OBJECT_PHRASES or one in OBJECT_PHRASES else ""
+
+
+def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
+    """Return the target that begins at token `k` and the token after it, None where none does."""
+    first = k
+    side, ordinal, count, colour, material = "", 0, 0, "", ""
+    used: list[int] = []
+    while k < len(tokens):
         word = tokens[k].text
-        after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-        if word in DETERMINERS and not words:
-            determined = 1
-        elif word in ("of",) and words == []:
-            pass
-        elif word in ORDINALS and not words and (_can_follow(after) or word[0].isdigit()):
-            ordinal = ORDINALS[word]
-        elif (word in NUMBERS or word.isdigit()) and not words:
-            number = NUMBERS.get(word) or int(word) if word.isdigit() else NUMBERS[word]
-        elif word == "pair" and after == "of":
-            number, k = 2, k + 1
-        elif word in ("left", "right") and _can_follow(after) and after not in ("of",):
-            side = word
-        elif word in ("left-hand", "right-hand", "lefthand", "righthand"):
-            side = word[:-4].rstrip("-")
-        elif word == "only" and determined:
-            only = True
-        elif word in COLOURS and (_can_follow(after) or is_object(after)):
-            colour = COLOURS[word]
-        elif word in MATERIALS and (_can_follow(after) or is_object(after)):
-            material = MATERIALS[word]
-        elif word in _MAIN and after == "door":
-            # The door of the whole apartment leads nowhere on a route.
-            return Noun(f"{word} door", "generic", "way", start=start, stop=k + 2), k + 2
-        elif not words and word in PARTS and after == "of":
-            words.append(word)
-            k += 1
-            break
-        elif is_object(word) or is_room(word) or word in DOORS:
-            words.append(word)
-            k += 1
-            # Two nouns in a row are one thing: "kitchen table", "bathroom door".
-            joins = k < len(tokens) and _noun(tokens[k].text) and tokens[k].text not in VERB_OF
-            if joins and tokens[k].text not in GENERIC:
-                continue
-            break
-        elif word in GENERIC and not (word in ADJECTIVES and _can_follow(after)):
-            lone = not (determined or number or ordinal or words)
-            if lone and word not in _BARE and not _noun(word):
+        if word in DETERMINERS and k == first:
+            after = tokens[k + 1].text if k + 1 < len(tokens) else ""
+            if word == "that" and after in VERB_OF:
                 return None
-            words.append(word)
-            k += 1
-            break
-        elif word in ADJECTIVES:
+        elif word in _SIDES and k > first - 1 and _leads_to_noun(tokens, k + 1):
+            side = word
+        elif word in ORDINALS and not _is_unit(tokens, k + 1):
+            ordinal = ORDINALS[word]
+        elif (number := number_of(word)) is not None and not noun_kind(word):
+            count = int(number)
+        elif word in COLOURS:
+            colour = COLOURS[word]
+        elif word in MATERIALS and _leads_to_noun(tokens, k + 1):
+            material = MATERIALS[word]
+        elif word in ADJECTIVES or (word in VAGUE_COUNTS and k > first):
             pass
-        elif determined and word.isalpha() and not words and word not in _STOPWORDS:
-            words.append("?" + word)
-            if not (after and after[0].isalpha() and after not in _STOPWORDS):
-                k += 1
-                break
-        elif determined and words and words[-1].startswith("?") and word not in _STOPWORDS:
-            words.append("?" + word)
+        elif word in ("hand", "side", "most") and side:
+            pass
         else:
             break
+        used.append(k)
         k += 1
-    if not words:
+    names: list[str] = []
+    start = k
+    while k < len(tokens) and noun_kind(tokens[k].text):
+        if tokens[k].text in _VERBLIKE and not names and start == first:
+            break
+        names.append(tokens[k].text)
+        used.append(k)
+        k += 1
+        if k < len(tokens) and tokens[k].text == "'s":
+            used.append(k)
+            k += 1
+    if not names:
         return None
-    text = " ".join(w.lstrip("?") for w in words)
-    head, kind = _kind(words)
-    plural = head != text and singular(text.split()[-1]) != text.split()[-1]
-    noun = Noun(
-        text, kind, head, plural, number, ordinal, colour, material, only, side,
-        start=start, stop=k,
-    )  # fmt: skip
-    if kind == "door" and k + 1 < len(tokens) and tokens[k].text in ("of", "to"):
-        inner = read_noun(tokens, k + 1)  # "the door of the bedroom", "the door to the hall"
-        if inner is not None and inner[0].kind == "room":
-            if words[-1] == "entrance":
-                return _placed(inner[0], "entrance", start, inner[1], plural), inner[1]
-            return noun, inner[1]
-    if (head in PARTS or head in ("side", "end")) and k < len(tokens) and tokens[k].text == "of":
-        inner = read_noun(tokens, k + 1)
-        if inner is not None:
-            thing, stop = inner
-            part = f"{side} side" if side else head
-            return _placed(thing, part, start, stop, plural), stop
-    return noun, k
+    return _named(tokens, k, names, Phrase(
+        "", "", side, ordinal, count, colour, material, used=tuple(used)))  # fmt: skip
 
 
-def _placed(thing: Noun, part: str, start: int, stop: int, plural: bool) -> Noun:
-    return Noun(
-        thing.text, thing.kind, thing.head, thing.plural or plural, thing.number, thing.ordinal,
-        thing.colour, thing.material, thing.only, thing.side, part=part, start=start, stop=stop,
-    )  # fmt: skip
+# Nouns that are verbs where no determiner goes before them.
+_VERBLIKE = frozenset("exit stand steps light range screen board tub entrance sign bar".split())
 
 
-def _noun(word: str) -> bool:
-    return is_object(word) or is_room(word) or word in DOORS
+def _named(
+    tokens: Sequence[Token], k: int, names: list[str], phrase: Phrase
+) -> tuple[Phrase, int]:
+    head, before = names[-1], names[:-1]
+    what = noun_kind(head)
+    room = next((n for n in before if noun_kind(n) == "room"), "")
+    plural = head != singular(head) and head not in OBJECT_PHRASES
+    name = head if head in OBJECT_PHRASES or head in ROOM_PHRASES else singular(head)
+    if what == "door":
+        name = ""
+    elif what == "thing":
+        kinds = [n for n in before if noun_kind(n) == "thing"]
+        name = " ".join([*kinds, name])
+    phrase = replace(phrase, what=what, name=name, room=room, plural=plural)
+    # "The door of the bedroom", "the table in the kitchen".
+    after = k
+    joined = ("of", "into", "to", "from", "in") if what == "door" else ("of", "in")
+    while after < len(tokens) and tokens[after].text in _LINKS and what == "door":
+        after += 1
+    if not room and after < len(tokens) and PREP_OF.get(tokens[after].text) in joined:
+        link = tokens[after].text
+        more = read_phrase(tokens, after + 1)
+        if more and more[0].what == "room" and what != "room" and not more[0].ordinal:
+            used = (*phrase.used, *range(k, after + 1), *more[0].used)
+            return replace(phrase, room=more[0].name, used=used), more[1]
+        if more and what == "door" and link == "of" and more[0].what == "thing":
+            return replace(phrase, used=(*phrase.used, after, *more[0].used)), more[1]
+    return phrase, k
 
 
-def _can_follow(word: str) -> bool:
-    """Return whether `word` can end or go on a noun phrase."""
-    return bool(word) and (
-        _noun(word)
-        or (word in GENERIC and word not in ("left", "right", "it", "you", "them"))
-        or word in ADJECTIVES
-        or word in COLOURS
-        or word in MATERIALS
-        or word in NUMBERS
+_LINKS = frozenset("leading leads that opening opens which goes going".split())
+
+
+def _leads_to_noun(tokens: Sequence[Token], k: int) -> bool:
+    """Return whether a noun follows after adjectives only."""
+    while k < len(tokens) and (
+        tokens[k].text in ADJECTIVES
+        or tokens[k].text in ("hand", "side", "most")
+        or tokens[k].text in COLOURS
+        or tokens[k].text in MATERIALS
+        or tokens[k].text in ORDINALS
+    ):
+        k += 1
+    return k < len(tokens) and (
+        bool(noun_kind(tokens[k].text)) and not (tokens[k].text in _VERBLIKE and k == 0)
+        or tokens[k].text in ("wall", "side", "hand", "one")
     )
 
 
-def _kind(words: list[str]) -> tuple[str, str]:
-    last = words[-1]
-    if any(w.startswith("?") for w in words):
-        known = [w for w in words if not w.startswith("?")]
-        if known and known[-1] == last:
-            # An unknown word before a known noun: an adjective that we do not know.
-            words = known
-        else:
-            return " ".join(w.lstrip("?") for w in words), "unknown"
-    phrase = " ".join(words)
-    single = _single(phrase)
-    if last in DOORS and (len(words) > 1 or last not in ROOM_PHRASES):
-        return "door", "door"
-    for candidate in (phrase, single, last, _single(last)):
-        if candidate in OBJECT_PHRASES:
-            return (single if len(words) > 1 else candidate), "object"
-        if candidate in ROOM_PHRASES:
-            return candidate, "room"
-    return last, "generic"
+def number_of(word: str) -> float | None:
+    """Return the value of a number in words or digits, None for other words."""
+    if word in NUMBERS:
+        return NUMBERS[word]
+    return float(word) if word.replace(".", "", 1).isdigit() else None
 
 
-_STOPWORDS = frozenset(
-    """to into in on at of by past until through and then with before after from toward towards for
-    near beside next behind beyond along across around between against over under off up down out
-    is are was will be have has can should must that which where when while as so but or not you
-    your it they them there here straight ahead left right turn walk go stop wait move continue
-    enter exit leave pass head follow take make keep bear veer about roughly only just again
-    directly immediately""".split()
+def _is_unit(tokens: Sequence[Token], k: int) -> bool:
+    return k < len(tokens) and tokens[k].text in UNITS_M
+
+
+def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | None:
+    """Return a distance [m], whether it is vague, and the token after it."""
+    total, seen, vague, fraction = 0.0, False, False, 1.0
+    first = k
+    while k < len(tokens):
+        word = tokens[k].text
+        if word in UNITS_M:
+            unit = UNITS_M[word]
+            if not seen and not (k > first and tokens[k - 1].text in ("a", "an", "another", "more",
+                                                                      "one", "little")):  # fmt: skip
+                if not (vague or word in ("steps", "metres", "meters", "paces")):
+                    return None
+                vague = True
+            amount = (total if seen else 1.0) * fraction
+            if vague and not seen:
+                return _VAGUE_M, True, k + 1
+            k += 1
+            if [t.text for t in tokens[k : k + 3]] == ["and", "a", "half"]:
+                amount, k = amount + 0.5, k + 3
+            elif [t.text for t in tokens[k : k + 2]] == ["or", "two"]:
+                return 1.5 * unit, True, k + 2
+            elif [t.text for t in tokens[k : k + 2]] == ["or", "so"]:
+                k += 2
+            return amount * unit, vague, k
+        number = number_of(word)
+        if word in ("half", "quarter", "halfway"):
+            if seen:
+                total += NUMBERS[word]
+            else:
+                fraction = NUMBERS.get(word, 0.5)
+        elif word in ("couple", "few", "several", "some"):
+            vague = True
+        elif number is not None:
+            if word == "hundred" or word == "thousand":
+                total = max(total, 1.0) * number
+            elif seen and tokens[k - 1].text in ("or", "to", "-", "–"):
+                total = 0.5 * (total + number)
+            else:
+                total += number
+            seen = True
+        elif word not in _IN_DISTANCE:
+            return None
+        k += 1
+    return None
+
+
+_IN_DISTANCE = frozenset(
+    "a an another more of and or to the about around roughly last further good full next other "
+    "extra additional final small little short big long quick - – mere".split()
 )
+
+
+def read_side(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] | None:
+    """Return a side, whether it is a place (`on your left`), and the token after it."""
+    first = k
+    placed = False
+    while k < len(tokens) and (tokens[k].text in _TO_SIDE or (k > first and placed)):
+        word = tokens[k].text
+        if word in _SIDES:
+            break
+        if word not in _TO_SIDE:
+            return None
+        placed = placed or word in ("on", "to", "at", "your", "toward", "towards")
+        k += 1
+        if k - first > 5:
+            return None
+    if k >= len(tokens) or tokens[k].text not in _SIDES:
+        return _before_or_behind(tokens, first)
+    side = tokens[k].text
+    if _leads_to_noun(tokens, k + 1) and not _hand(tokens, k + 1):
+        return None
+    k += 1
+    while k < len(tokens) and tokens[k].text in ("hand", "side", "of", "you"):
+        if tokens[k].text == "of" and [t.text for t in tokens[k + 1 : k + 2]] != ["you"]:
+            break
+        k += 1
+    return side, placed, k
+
+
+_TO_SIDE = frozenset("on to at off over your the my our its toward towards immediate far a".split())
+
+
+def _hand(tokens: Sequence[Token], k: int) -> bool:
+    """Return whether `hand` or `side` at token k ends the phrase rather than leading to a noun."""
+    while k < len(tokens) and tokens[k].text in ("hand", "side"):
+        k += 1
+    return k >= len(tokens) or not (noun_kind(tokens[k].text) or tokens[k].text in ("one", "wall"))
+
+
+def _before_or_behind(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] | None:
+    two = [t.text for t in tokens[k : k + 2]]
+    if two in (["before", "you"], ["before", "of"]):
+        return "ahead", True, k + 2
+    if two == ["behind", "you"]:
+        return "behind", True, k + 2
+    return None
+
+
+def is_known(word: str) -> bool:
+    """Return whether a word is in any table."""
+    return (
+        not word[0].isalpha()
+        or word.isupper()
+        or bool(noun_kind(word))
+        or any(word in table for table in _TABLES)
+        or number_of(word) is not None
+        or "_" in word
+    )
+
+
+_TABLES = (
+    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ADJECTIVES, COLOURS, MATERIALS, ORDINALS, UNITS_M,
+    PARTS, VAGUE_COUNTS, NEGATIONS, JOINTS, PRONOUNS, SLIGHT, SHARP, frozenset(_SIDES),
+)  # fmt: skip

@@ -1,24 +1,29 @@
 """Words, numbers and punctuation, with their places in the text."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from .lexicon import DOORS, OBJECT_PHRASES, ROOM_PHRASES, singular
+from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
+from .words import LONGEST_PHRASE, NUMBERS, phrases
 
-_TOKEN = re.compile(r"[A-Za-z]+(?:[-'’][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
-_CONTRACTIONS = {
-    "you'll": "you will", "there's": "there is", "don't": "do not", "it's": "it is",
-    "that's": "that is", "you've": "you have", "you're": "you are", "doesn't": "does not",
+_TOKEN = re.compile(r"[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
+_ENDINGS = {
+    "'ll": "will", "'re": "are", "'ve": "have", "'d": "would", "n't": "not", "'m": "am",
 }  # fmt: skip
-_LONGEST = 4
-_OWNERS = frozenset((OBJECT_PHRASES.keys() | ROOM_PHRASES.keys() | DOORS) - {"it", "child"})
-_NEXT_WORD = re.compile(r"\s+([A-Za-z]+)")
-_PLACED = frozenset("ahead on in behind to at right left off next beside just there".split())
+_LONGEST_NOUN = 4
+# Marks that nothing follows: not "go in the kitchen", not "turn around the table".
+_LONE = frozenset("GO_IN GO_OUT GO_THROUGH TURN_AROUND".split())
+# What may follow `go in` where it is not "go in the kitchen".
+_ALONE = frozenset("and then but so there here again when once until".split())
+_PLACED = frozenset(
+    "ahead on in behind to at right left off next beside just there where over straight your a the "
+    "an not our by past".split()
+)
 
 
 @dataclass(frozen=True)
 class Token:
-    """A word, in lower case, or a multi-word noun joined by blanks."""
+    """A word, in lower case, or a known phrase joined by blanks; its place in the text."""
 
     text: str
     start: int
@@ -31,31 +36,80 @@ class Token:
 
 
 def tokenize(text: str) -> list[Token]:
-    """Split a text; `living room` and other known phrases are one token each."""
-    raw: list[Token] = []
-    # "The kids' room": the apostrophe is dropped, at its place.
+    """Split a text; `living room` and other known nouns are one token each."""
     plain = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    raw: list[Token] = []
     for match in _TOKEN.finditer(plain):
-        word = match[0].lower()
-        for part in _CONTRACTIONS.get(word, word).split():
-            # "The table's on your left" and "the study's door", but "children's room".
-            owner = part.removesuffix("'s")
-            if owner != part and (owner in _OWNERS):
-                after = _NEXT_WORD.match(plain, match.end())
-                raw.append(Token(owner, match.start(), match.end() - 2))
-                if after and after[1].lower() in _PLACED:
-                    raw.append(Token("is", match.end() - 1, match.end()))
-                continue
-            raw.append(Token(part, match.start(), match.end()))
+        raw += _parts(match[0].lower(), match.start(), match.end())
+    # "The table's on your left", but "the table's end".
+    split: list[Token] = []
+    for k, token in enumerate(raw):
+        if token.text != "'s":
+            split.append(token)
+        elif k + 1 < len(raw) and raw[k + 1].text in _PLACED:
+            split.append(replace(token, text="is"))
+    return _replaced(_nouns(split))
+
+
+def _parts(word: str, start: int, stop: int) -> list[Token]:
+    """Return the words of a contraction or a compound."""
+    for ending, meaning in _ENDINGS.items():
+        if word.endswith(ending) and word != ending:
+            cut = stop - len(ending)
+            stem = word.removesuffix(ending)
+            return [Token({"ca": "can", "wo": "will"}.get(stem, stem), start, cut),
+                    Token(meaning, cut, stop)]  # fmt: skip
+    if word in ("let's", "it's", "that's", "there's", "here's", "what's", "where's", "he's"):
+        return [Token(word[:-2], start, stop - 2), Token("is", stop - 2, stop)]
+    if word.endswith("'s") and not _is_noun(word) and len(word) > 2:
+        return [Token(word[:-2], start, stop - 2), Token("'s", stop - 2, stop)]
+    if "-" in word[1:] and not _is_noun(word) and word not in NUMBERS:
+        result, at = [], start
+        for part in word.split("-"):
+            result.append(Token(part, at, at + len(part)))
+            at += len(part) + 1
+        return result
+    return [Token(word, start, stop)]
+
+
+def _is_noun(phrase: str) -> bool:
+    return phrase in OBJECT_PHRASES or phrase in ROOM_PHRASES
+
+
+def _nouns(raw: list[Token]) -> list[Token]:
+    """Join the words of known nouns."""
     result: list[Token] = []
     k = 0
     while k < len(raw):
-        for size in range(min(_LONGEST, len(raw) - k), 1, -1):
+        for size in range(min(_LONGEST_NOUN, len(raw) - k), 1, -1):
             words = [t.text for t in raw[k : k + size]]
+            if words[1] == "'s":
+                words = [words[0] + "'s", *words[2:]]
             phrase = " ".join([*words[:-1], singular(words[-1])])
             exact = " ".join(words)
-            if any(p in OBJECT_PHRASES or p in ROOM_PHRASES for p in (phrase, exact)):
+            if _is_noun(phrase) or _is_noun(exact):
                 result.append(Token(exact, raw[k].start, raw[k + size - 1].stop))
+                k += size
+                break
+        else:
+            result.append(raw[k])
+            k += 1
+    return result
+
+
+def _replaced(raw: list[Token]) -> list[Token]:
+    """Return the tokens with phrases of `words.phrases` read as other words."""
+    table = phrases()
+    result: list[Token] = []
+    k = 0
+    while k < len(raw):
+        for size in range(min(LONGEST_PHRASE, len(raw) - k), 0, -1):
+            meaning = table.get(tuple(t.text for t in raw[k : k + size]))
+            after = raw[k + size].text if k + size < len(raw) else "."
+            alone = not after[0].isalnum() or after in _ALONE
+            if meaning is not None and (alone or not meaning or meaning[0] not in _LONE):
+                start, stop = raw[k].start, raw[k + size - 1].stop
+                result += [Token(word, start, stop) for word in meaning]
                 k += size
                 break
         else:
