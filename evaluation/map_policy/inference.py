@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...instruction_gen.follower.follow import prefix_costs
 from ...instruction_gen.follower.goals import SubGoal, UnfollowableError, sub_goals
 from ...instruction_gen.follower.ways import Ways
-from ...instruction_gen.language.parse import parse
+from ...instruction_gen.language.reader import read_text
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
 from .seen_map import SeenMap
@@ -85,9 +85,9 @@ def goals_of(text: str) -> list[SubGoal]:
         UnfollowableError: If it says nothing at all.
     """
     try:
-        return sub_goals(parse(text))
+        return sub_goals(read_text(text))
     except UnfollowableError:
-        return sub_goals(parse(f"{text.rstrip(' .')}. Stop."))
+        return sub_goals(read_text(f"{text.rstrip(' .')}. Stop."))
 
 
 def choose_target(

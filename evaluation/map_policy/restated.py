@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ...instruction_gen.follower.goals import SubGoal, UnfollowableError, sub_goals
-from ...instruction_gen.language.parse import parse
+from ...instruction_gen.language.reader import read_text
 from ..llm.ask import TextModel
 
 PROMPT = "restate.txt"
@@ -41,10 +41,10 @@ class ModelReader:
 
 
 def _goals(answer: str) -> Sequence[SubGoal]:
-    read = parse(answer)
+    steps = read_text(answer)
     try:
-        if read.unparsed:
-            raise UnfollowableError(f"words that fit no form: {', '.join(read.unparsed)}")
-        return sub_goals(read)
+        if odd := [word for step in steps for word in (*step.unchecked, *step.faults)]:
+            raise UnfollowableError(f"words that fit no form: {', '.join(odd)}")
+        return sub_goals(steps)
     except UnfollowableError as error:
         raise ValueError(f"{answer!r:.120}: {error}") from error

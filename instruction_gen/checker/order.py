@@ -6,7 +6,6 @@ so far. Each claim moves the states on; one that leaves none is false where it s
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 

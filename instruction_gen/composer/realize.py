@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..language.lexicon import NUMBERS
+from ..language.words import NUMBERS
 from . import words
 from .records import Step
 
-_NUMBER = {n: w for w, n in NUMBERS.items()}
+_NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _SLOT = re.compile(r"\{(\w+)\}")
 _SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
 

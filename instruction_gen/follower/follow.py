@@ -12,14 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..language.parse import parse
+from ..language.reader import read_text
 from .goals import SubGoal, UnfollowableError, sub_goals
 from .places import on_side, place_cost, sided_door, stop_cost
 from .ways import Ways, wrap
 from .world import Array, World
 
 _PER_METRE = 0.03
-_UNPARSED = 0.25  # share of words outside of the grammar from which a text means nothing
 _LOST = 4.0  # a way that costs more is none that the text means
 _DETOUR = 0.6  # cost of a way that is not the shortest
 _BENT = 0.4  # per radian: one walks straight where the text gives only a distance
@@ -52,11 +51,8 @@ class Followed:
 def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Followed:
     """Follow a text from a pose: `start_m` (2,) [m] and heading [rad]."""
     start = np.asarray(start_m, dtype=np.float64)[:2]
-    read = parse(text)
-    if len(read.unparsed) > _UNPARSED * max(1, read.words):
-        return Followed(start, "words that make no sentence", 0)
     try:
-        goals = sub_goals(read)
+        goals = sub_goals(read_text(text))
     except UnfollowableError as error:
         return Followed(start, str(error), 0)
     tried = [_along(goals, ways, world) for ways in world.ways(start, start_yaw_rad)]

@@ -1,13 +1,27 @@
 """A text as sub-goals."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..language.announced import readings
-from ..language.clauses import Clause, Noun, Parse
-from ..language.ending import last_stop
+from ..language.claims import Claim, Step
 
-_AT = frozenset(("at", "near", "before", "past", "after", "in", "with", ""))
-_MOVING = frozenset(("turn", "move", "enter", "leave", "pass"))
+
+@dataclass(frozen=True)
+class Place:
+    """What a sub-goal names.
+
+    Attributes:
+        kind: `object`, `room`, `door`, or `any` room.
+        head: its phrase in the singular.
+        side, ordinal: see `language.claims.Claim`.
+        prep: how the walker comes by it: `past`, `at`, `into`, `from`, `in`, `through`, `with`.
+    """
+
+    kind: str
+    head: str
+    prep: str
+    side: str = ""
+    ordinal: int = 0
 
 
 @dataclass(frozen=True)
@@ -16,12 +30,12 @@ class SubGoal:
 
     Attributes:
         kind: `turn`, `walk`, `place`, `see` or `stop`.
-        said: the words of its clause.
-        side, degree: of a turn, see `language.clauses.Clause`.
+        said: the words of its step.
+        side, degree: of a turn, see `language.claims.Claim`.
         distance_m: of a walk [m].
         vague: the distance is `a few metres` or the like.
         noun: of a place, None of a stop where one is.
-        verb: of its clause.
+        verb: what the walker does there: `pass`, `enter`, `leave`, `reach`, `see` or `stop`.
     """
 
     kind: str
@@ -30,7 +44,7 @@ class SubGoal:
     degree: str = ""
     distance_m: float = 0.0
     vague: bool = False
-    noun: Noun | None = None
+    noun: Place | None = None
     verb: str = ""
 
 
@@ -38,52 +52,45 @@ class UnfollowableError(ValueError):
     """A text gives no sub-goals to end with; the message says why."""
 
 
-def sub_goals(read: Parse) -> list[SubGoal]:
+_PREPS = {
+    "leave": "from", "enter": "into", "in": "in", "door": "through", "pass": "past",
+    "see": "with", "reach": "at", "stop": "at",
+}  # fmt: skip
+_VERBS = {"door": "enter", "in": "move"}
+
+
+def sub_goals(steps: Sequence[Step]) -> list[SubGoal]:
     """Return the sub-goals of a text, the stop last.
 
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
     """
-    read = next((r for r in readings(read) if last_stop(r) is not None), read)
-    stop = last_stop(read)
-    if stop is None:
+    claims = [(claim, step.words) for step in steps for claim in step.claims]
+    stops = [(c, words) for c, words in claims if c.kind == "stop"]
+    if not stops:
         raise UnfollowableError("the text never says to stop")
-    result: list[SubGoal] = []
-    for index, clause in enumerate(read.clauses[:stop]):
-        if not clause.negated:
-            result += _moves(clause, _said(read, index))
-    said = _said(read, stop)
-    clause = read.clauses[stop]
-    if clause.distance_m:
-        result.append(_walk(clause, said))
-    places = list(clause.nouns)
-    for after in read.clauses[stop + 1 :]:
-        if after.verb in _MOVING and not (after.until or after.before or after.meanwhile):
-            raise UnfollowableError("the text goes on after the stop")
-        places += after.nouns
-    named = [SubGoal("stop", said, noun=n, verb=clause.verb) for n in places]
-    return [*result, *named] if named else [*result, SubGoal("stop", said)]
+    if any("goes on after the stop" in fault for step in steps for fault in step.faults):
+        raise UnfollowableError("the text goes on after the stop")
+    moves = [goal for c, words in claims if (goal := _move(c, words)) is not None]
+    named = [SubGoal("stop", words, noun=_place(c), verb="stop") for c, words in stops if c.what]
+    return [*moves, *(named or [SubGoal("stop", stops[-1][1])])]
 
 
-def _moves(clause: Clause, said: str) -> list[SubGoal]:
-    def place(noun: Noun) -> SubGoal:
-        seen = clause.verb == "see" or noun.prep == "with" or clause.before or clause.meanwhile
-        return SubGoal("see" if seen else "place", said, noun=noun, verb=clause.verb)
-
-    if clause.verb == "turn" or clause.side:
-        first = [place(n) for n in clause.nouns if n.prep in _AT or n.prep == "from"]
-        then = [place(n) for n in clause.nouns if n.prep not in _AT and n.prep != "from"]
-        turn = SubGoal("turn", said, side=clause.side, degree=clause.degree)
-        walk = [_walk(clause, said)] if clause.distance_m else []
-        return [*first, turn, *walk, *then]
-    walk = [_walk(clause, said)] if clause.distance_m else []
-    return [*walk, *(place(n) for n in clause.nouns)]
+def _move(claim: Claim, words: str) -> SubGoal | None:
+    if claim.kind in ("stop", "avoid"):
+        return None
+    if claim.kind == "turn":
+        return SubGoal("turn", words, side=claim.side, degree=claim.degree or "some")
+    if claim.kind == "walk":
+        return SubGoal("walk", words, distance_m=claim.metres, vague=claim.vague)
+    kind = "see" if claim.kind == "see" else "place"
+    return SubGoal(kind, words, noun=_place(claim), verb=_VERBS.get(claim.kind, claim.kind))
 
 
-def _walk(clause: Clause, said: str) -> SubGoal:
-    return SubGoal("walk", said, distance_m=clause.distance_m, vague=clause.vague)
-
-
-def _said(read: Parse, index: int) -> str:
-    clause = read.clauses[index]
-    return read.text[clause.start : clause.stop].strip(" ,.")
+def _place(claim: Claim) -> Place:
+    kind = {"thing": "object", "room": "room"}.get(claim.what, "door")
+    if claim.what == "room" and (claim.place in ("outside", "before") or not claim.name):
+        kind = "door" if claim.place else "any"
+    side = claim.side if claim.side in ("left", "right") else ""
+    prep = "past" if claim.place == "past" else _PREPS[claim.kind]
+    return Place(kind, claim.name, prep, side, max(claim.ordinal, 0))

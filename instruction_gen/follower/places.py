@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..language.clauses import Noun
-from .goals import SubGoal
+from .goals import Place, SubGoal
 from .ways import Ways
 from .world import Array, World
 
@@ -24,19 +23,13 @@ def place_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
     noun = goal.noun
     if noun is None:
         return np.zeros(len(ways.points_m))
-    if noun.kind == "unknown":
-        return np.full(len(ways.points_m), _NEVER)
     if noun.kind == "object":
         return _thing(goal, noun, ways, world)
     if noun.kind == "room":
         return _room(goal, noun, ways, world)
     if noun.kind == "door":
         return _door(goal, noun, ways, world)
-    if noun.head in ("room", "rooms") and (
-        noun.prep in ("into", "through") or goal.verb == "enter"
-    ):
-        return _crossed(ways, None)
-    return np.zeros(len(ways.points_m))
+    return _crossed(ways, None)
 
 
 def stop_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
@@ -45,15 +38,13 @@ def stop_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
     free = np.zeros(len(ways.points_m))
     if noun is None:
         return free
-    if noun.kind == "unknown":
-        return free + _NEVER
     if noun.kind == "object":
         cost = free + _NEVER
         for k in _meant(noun, ways, world):
             gap, bearing = _seen(k, ways, world)
             off = np.linalg.norm(ways.points_m - world.things[k].middle_m, axis=1)
             own = 0.3 * gap + 0.2 * off + np.where(np.abs(bearing) > np.deg2rad(140), 0.3, 0.0)
-            near = gap <= (_BESIDE_M if noun.prep in ("after", "past") else _STOP_M)
+            near = gap <= (_BESIDE_M if noun.prep == "past" else _STOP_M)
             cost = np.minimum(cost, np.where(near & _sided(bearing, noun.side), own, _NEVER))
         return cost
     if noun.kind == "room":
@@ -83,7 +74,7 @@ def _sided(bearing: Array, side: str) -> NDArray[np.bool_]:
     return (angle > _SIDE_RAD) & (angle < np.pi - _SIDE_RAD)
 
 
-def _meant(noun: Noun, ways: Ways, world: World) -> list[int]:
+def _meant(noun: Place, ways: Ways, world: World) -> list[int]:
     """Return the things a phrase may mean.
 
     An ordinal counts along the way, in all or in one room.
@@ -103,7 +94,7 @@ def _first_m(k: int, ways: Ways, world: World) -> float:
     return float(ways.along_m[near].min()) if near.any() else _NEVER
 
 
-def _thing(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
+def _thing(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
     cost = np.full(len(ways.points_m), _NEVER)
     for k in _meant(noun, ways, world):
         gap, bearing = _seen(k, ways, world)
@@ -111,10 +102,7 @@ def _thing(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
             reach = _BESIDE_M if noun.side else _SEE_M
             good = (gap <= reach) & (np.abs(bearing) <= np.deg2rad(130.0))
             own = 0.02 * gap
-        elif noun.prep == "to" and goal.verb != "reach":
-            ahead = (gap <= _SEE_M) & (np.abs(bearing) <= np.deg2rad(45.0))
-            good, own = ahead | (gap <= _REACH_M), np.where(gap <= _REACH_M, 0.0, 0.1)
-        elif noun.prep in ("past", "around", "between", "through") or goal.verb == "pass":
+        elif noun.prep == "past":
             abeam = (np.abs(bearing) >= np.deg2rad(35.0)) & (np.abs(bearing) <= np.deg2rad(150.0))
             good, own = (gap <= _PASS_M) & abeam, 0.15 * np.maximum(gap - 0.8, 0.0)
         else:
@@ -123,29 +111,25 @@ def _thing(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
     return cost
 
 
-def _room(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
+def _room(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
     regions = world.regions_called(noun.head)
     inside = np.isin(ways.region, regions)
     if goal.kind == "see":
         return np.zeros(len(inside)) if regions else np.full(len(inside), _NEVER)
-    if noun.prep == "from" or (goal.verb == "leave" and not noun.prep):
+    if noun.prep == "from":
         was = inside[ways.before[_ENTERED]]
         return np.where(~inside & was, 0.0, _NEVER)
-    if noun.prep == "into" or goal.verb in ("enter", "reach"):
+    if noun.prep == "into":
         return _crossed(ways, regions)
-    if noun.prep == "to":
-        return np.where(inside, 0.0, _NEVER)
-    if noun.part in ("end", "far"):
-        return np.where(inside, 0.1, _NEVER)
     return np.where(inside, 0.0, _NEVER)
 
 
-def _door(goal: SubGoal, noun: Noun, ways: Ways, world: World) -> Array:
+def _door(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
     doors = _meant(noun, ways, world)
     if not doors:
         return np.full(len(ways.points_m), _NEVER)
     gap = np.min([_flat(world.gap_m(k), ways) for k in doors], axis=0)
-    through = noun.prep in ("through", "into", "from") or goal.verb in ("move", "turn", "enter")
+    through = noun.prep == "through"
     if goal.kind == "see" or not through:
         return np.where(gap <= _SEE_M if goal.kind == "see" else gap <= _REACH_M, 0.0, _NEVER)
     at = np.where(gap <= _DOOR_M, 0.0, _NEVER)

@@ -201,26 +201,6 @@ ward=
 DOORS = frozenset(
     "door doors doorway doorways archway arch opening entrance exit gap passage doorframe".split()
 )
-# Parts and places of anything: they take the noun that follows "of".
-PARTS = frozenset(
-    "end side corner edge foot head middle center centre back front rest length far start top "
-    "bottom half entrance mouth threshold direction finish".split()
-)
-# Nouns that claim nothing.
-GENERIC = frozenset(
-    """way ways path side sides end front back middle center centre corner wall walls floor room
-    rooms space area bit left right direction distance place spot point route furniture edge turn
-    turns bend sight view goal destination ahead straight moment hand time one ones pair row set
-    here there house apartment home building metre metres meter meters m foot feet ft step steps
-    pace paces yard yards couple few little while line course heading length far first second third
-    other opposite same next it them you your yourself what that this which another more further
-    forward forwards backward backwards everything something anything part half exit entrance top
-    bottom threshold facing inside outside stretch part thing things object objects instruction
-    position halt stop beginning start finish degrees degree lot ninety reach body face arrival
-    second seconds clear group rest foot feet arm eyes shoulder shoulders back journey walk leg
-    final destination target close immediate near closest nearest each both either all""".split()
-)
-
 COLOURS = {
     "black": "black",
     "white": "white",
@@ -276,22 +256,6 @@ ADJECTIVES = frozenset(
     right-side two-seat potted nice old new furnished bright dark quick slight sharp hard full
     gentle short brief couple first straight double soft wide-open opposite facing""".split()
 )
-NUMBERS = {
-    w: n
-    for n, w in enumerate(
-        "zero one two three four five six seven eight nine ten eleven twelve".split()
-    )
-}
-ORDINALS = {
-    "first": 1, "second": 2, "third": 3, "fourth": 4, "fifth": 5, "sixth": 6,
-    "1st": 1, "2nd": 2, "3rd": 3, "4th": 4,
-}  # fmt: skip
-UNITS_M = {
-    "metre": 1.0, "metres": 1.0, "meter": 1.0, "meters": 1.0, "m": 1.0,
-    "foot": 0.305, "feet": 0.305, "ft": 0.305, "yard": 0.914, "yards": 0.914,
-    "step": 0.7, "steps": 0.7, "pace": 0.75, "paces": 0.75,
-}  # fmt: skip
-
 _IRREGULAR = {
     "shelves": "shelf", "bookshelves": "bookshelf", "benches": "bench", "couches": "couch",
     "dishes": "dishes", "boxes": "box", "steps": "steps", "stairs": "stairs",

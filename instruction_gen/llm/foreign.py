@@ -10,9 +10,9 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 
 from ..checker import Ground, Verdict, check_text
-from ..language.clauses import Noun
+from ..language.claims import Claim
 from ..language.lexicon import COLOURS
-from ..language.parse import parse
+from ..language.reader import read_text
 from .foreign_words import (
     COLOUR_WORDS,
     COUNT,
@@ -61,18 +61,18 @@ def foreign_problems(text: str, language: str, english: str) -> list[str]:
         problems.append("it does not say where to stop")
     sides = _either(text, LEFT[language], RIGHT[language])
     meant = [side.lower() for side in _SIDES.findall(english)]
-    read = parse(english)
+    claims = [claim for step in read_text(english) for claim in step.claims]
     turns = _either(text, TURN_LEFT[language], TURN_RIGHT[language])
-    expected = [c.side for c in read.clauses if c.verb == "turn" and c.side in ("left", "right")]
+    expected = [c.side for c in claims if c.kind == "turn" and c.side in ("left", "right")]
     if sorted(sides) != sorted(meant):
         problems.append(f"its sides ({', '.join(sides)}) are not the English ({', '.join(meant)})")
     elif len(turns) == len(expected) and turns != expected:
         problems.append(
             f"its turns ({', '.join(turns)}) are not the English ({', '.join(expected)})"
         )
-    problems += _distance_problems(text, language, [c.distance_m for c in read.clauses])
+    problems += _distance_problems(text, language, [c.metres for c in claims])
     problems += _colour_problems(text, COLOUR_WORDS[language], english)
-    problems += _count_problems(text, language, [n for c in read.clauses for n in c.nouns])
+    problems += _count_problems(text, language, claims)
     return problems + _noun_problems(text, NOUNS[language], english)
 
 
@@ -97,11 +97,11 @@ def _colour_problems(text: str, words: Mapping[str, str], english: str) -> list[
     return [f"{said} is not in the English" for c, said in found.items() if c not in mentioned]
 
 
-def _count_problems(text: str, language: str, nouns: Sequence[Noun]) -> list[str]:
+def _count_problems(text: str, language: str, claims: Sequence[Claim]) -> list[str]:
     """Return the counts from two on, and the ordinals, that the English does not say."""
     words = NUMBER_WORDS[language]
-    counts = {n.number for n in nouns}
-    ordinals = {n.ordinal for n in nouns}
+    counts = {c.count for c in claims}
+    ordinals = {c.ordinal for c in claims}
     things = "|".join(sorted(map(re.escape, NOUNS[language]), key=len, reverse=True))
     problems = []
     for said in re.findall(COUNT[language].format(nouns=things), text):
