@@ -73,6 +73,7 @@ _TABLE = (
     Verb("filter", "episodes.Filter", "commands.episodes.run_filter"),
     Verb("sample", "episodes.Sample", "commands.episodes.run_sample"),
     Verb("instruct", "instructions.Instruct", "commands.instruct.run"),
+    Verb("check-text", "instructions.CheckText", "commands.check_text.run"),
     Verb("review", "instructions.Review", "commands.review.run"),
     Verb("replay", "rollouts.Replay", "commands.rollouts.run_replay"),
     Verb("render", "rollouts.Render", "commands.rollouts.run_render"),

@@ -3,8 +3,8 @@
 
 The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; generated buildings that
 are missing there need no scan. Each RUN is a folder with scenes/<scene>,
-episodes/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; follower and
-composer are measured on it.
+episodes/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; the composer is
+measured on it.
 """
 
 import argparse
@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 
-from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.scene.visibility import read_visibility
 from vlnpe.formats.vlnce.files import read_episodes
@@ -24,66 +23,35 @@ from vlnpe.instruction_gen.checker import Ground
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
-from vlnpe.instruction_gen.follower import World, follow
 from vlnpe.pipeline.engine.run_folder import RunFolder
 
 from .corpus import PARTS, measure, read_corpus
 from .diversity import table
-from .lies import KINDS
 
 
-def load(folder: Path) -> list[tuple[Episode, Ground, World]]:
-    """Return the paths of a folder's scenes, with facts and the follower's world."""
+def load(folder: Path) -> list[Ground]:
+    """Return the facts of the paths of a folder's scenes."""
     result = []
     for file in sorted(folder.glob("episodes/*.json.gz")):
         scene = file.name.removesuffix(".json.gz")
         bundle = load_bundle(folder / "scenes" / scene)
         seen = RunFolder(folder).sights.seen(scene)
         sight = read_visibility(seen) if seen.is_file() else None
-        levels: dict[int, tuple[LevelFacts, World]] = {}
+        levels: dict[int, LevelFacts] = {}
         for episode in read_episodes(file):
             if episode.level not in levels:
-                level = LevelFacts.of(bundle, episode.level)
-                levels[episode.level] = level, World(bundle, episode.level, level.regions)
-            level, world = levels[episode.level]
-            result.append((episode, Ground(path_facts(episode, level, sight)), world))
+                levels[episode.level] = LevelFacts.of(bundle, episode.level)
+            result.append(Ground(path_facts(episode, levels[episode.level], sight)))
     return result
 
 
-def follower(paths: list[tuple[Episode, Ground, World]]) -> dict[str, float]:
-    """Return the share that ends within 3 m: composed, lying, with the words shuffled."""
-    rng = np.random.default_rng(0)
-    hits: dict[str, list[bool]] = {"composer": [], "lying": [], "shuffled": []}
-    for episode, ground, world in paths:
-        composed, _ = compose_texts(ground, 3, STYLES, rng)
-        for one in composed:
-            lies = [
-                false
-                for kind in ("turn to the wrong side", "invented thing", "stop in the wrong place")
-                if (false := KINDS[kind](one.text, ground.facts, rng)) and false != one.text
-            ]
-            words = one.text.split()
-            rng.shuffle(words)
-            for name, texts in (
-                ("composer", [one.text]),
-                ("lying", lies),
-                ("shuffled", [" ".join(words)]),
-            ):
-                for text in texts:
-                    start = episode.start_position_world_m[:2]
-                    done = follow(text, world, start, episode.start_yaw_rad)
-                    off = np.linalg.norm(done.position_m - episode.goal_position_world_m[:2])
-                    hits[name].append(not done.lost and bool(off <= 3.0))
-    return {name: round(float(np.mean(h)), 3) for name, h in hits.items() if h}
-
-
-def composer(paths: list[tuple[Episode, Ground, World]]) -> dict[str, Any]:
+def composer(paths: list[Ground]) -> dict[str, Any]:
     """Return diversity, skeletons and speed of the composer."""
     rng = np.random.default_rng(0)
     texts: list[str] = []
     skeletons: set[str] = set()
     started = time.process_time()
-    for _, ground, _ in paths:
+    for ground in paths:
         for one in compose_texts(ground, 3, STYLES, rng)[0]:
             texts.append(one.text)
             skeletons.update(one.skeletons)
@@ -110,7 +78,7 @@ def main() -> None:
         result[part] = measure(read_corpus(options.scenes, options.scans, (part,)))
     paths = [one for run in options.runs for one in load(run)]
     if paths:
-        result |= {"follower": follower(paths), "composer": composer(paths)}
+        result["composer"] = composer(paths)
     text = json.dumps(result, indent=1, ensure_ascii=False)
     if options.out:
         options.out.write_text(text + "\n")

@@ -121,7 +121,7 @@ def _entries(
     levels: Mapping[int, LevelFacts],
     bundle: SceneBundle | None = None,
 ) -> list[Entry]:
-    episodes = [_episode(path, scene_id) for path in paths]
+    episodes = [episode_of_record(path, scene_id) for path in paths]
     sight = None
     if bundle:
         eye = StandingEye(get_robot("aliengo"))
@@ -137,7 +137,8 @@ def _entries(
     ]
 
 
-def _episode(path: dict[str, Any], scene: str) -> Episode:
+def episode_of_record(path: dict[str, Any], scene: str) -> Episode:
+    """Return a path of the corpus as an episode."""
     points = np.array(path["path_world_m"], dtype=np.float64)
     return Episode(
         episode_id=path["id"],

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 from skimage.measure import label
 
-from ...instruction_gen.follower.goals import SubGoal
-from ...instruction_gen.follower.world import World
 from ...instruction_gen.language.nouns import called
 from ...wayfinding.regions import ROOM_OF_OBJECT
+from ..follower.goals import SubGoal
+from ..follower.world import World
 from .seen_map import CELL_M, SeenMap
 
 _SMALLEST = 4  # cells

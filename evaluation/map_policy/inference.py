@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...instruction_gen.follower.follow import prefix_costs
-from ...instruction_gen.follower.goals import SubGoal, UnfollowableError, sub_goals
-from ...instruction_gen.follower.ways import Ways
 from ...instruction_gen.language.reader import read_text
+from ..follower.costs import prefix_costs
+from ..follower.goals import SubGoal, UnfollowableError, sub_goals
+from ..follower.ways import Ways
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
 from .seen_map import SeenMap
@@ -104,7 +104,7 @@ def choose_target(
 ) -> Target | None:
     """Return where the instruction leads on the map seen so far.
 
-    The whole instruction is read from the start pose on, as `instruction_gen.follower` does on a
+    The whole instruction is read from the start pose on, as `evaluation.follower` does on a
     complete map. If it fits a way well, the way's end is the target. Otherwise a frontier is,
     by a score of distance, of how much of the instruction leads there, and of how well what is
     seen around it fits the next sub-goal.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...collectors.robots import get_robot
 from ...formats.core.rollout import Action
-from ...instruction_gen.follower.goals import SubGoal, UnfollowableError
+from ..follower.goals import SubGoal, UnfollowableError
 from ..motions import DISCRETE, WAYPOINTS
 from ..observation import Observation
 from ..policy import Assignment, PolicyError

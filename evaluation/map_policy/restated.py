@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from ...instruction_gen.follower.goals import SubGoal, UnfollowableError, sub_goals
 from ...instruction_gen.language.reader import read_text
+from ..follower.goals import SubGoal, UnfollowableError, sub_goals
 from ..llm.ask import TextModel
 
 PROMPT = "restate.txt"

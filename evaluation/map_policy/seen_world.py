@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from ...instruction_gen.follower.world import World
 from ...wayfinding.regions import RegionMap, split_rooms
+from ..follower.world import World
 from .seen_map import SeenMap
 
 # What stands in a room tells its kind, but not these apart: rooms of the left are looked for among

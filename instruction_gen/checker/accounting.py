@@ -78,7 +78,7 @@ def _uncovered(step: Step) -> list[str]:
     for read in read_text(step.words):
         problems += read.faults
         for claim in read.claims:
-            if claim.name and claim.side in ("left", "right"):
+            if claim.what == "thing" and claim.side in ("left", "right"):
                 own = [c for c in step.claims if _same(c, claim)]
                 if own and not any(c.side == claim.side for c in own):
                     problems.append(f"no claim says that the {claim.name} is on the {claim.side}")

@@ -57,7 +57,7 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     claims = [claim for step in steps for claim in step.claims]
     if not any(c.kind == "stop" for c in claims):
         found.append((len(steps) - 1, "the text does not say where to stop"))
-    found += [(owners[p.index], p.reason) for p in check_order(claims, ground)]
+    found += [(owners[p.index], p.reason) for p in check_order(claims, owners, ground)]
     clauses, at = [], 0
     for number, step in enumerate(steps):
         start = max(text.find(step.words, at), 0) if delivered else step.start

@@ -58,7 +58,17 @@ class Ground:
         abeam |= self.distance <= 0.3  # a rug that is walked over
         ahead = (self._near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
         near = (self._near_m <= PASS_M) & abeam
-        return self._where(claim, near | (ahead & bool(claim.side)), "is not beside the path")
+        if claim.side:  # on that side where it is nearest, or ahead where it is never abeam
+            never = ~(near & self._nearest()).any(axis=1)
+            near = (near & self._nearest()) | (ahead & never[:, None])
+        return self._where(claim, near, "is not beside the path")
+
+    def _nearest(self) -> Mask:
+        """Return (N, S) where things are about as near as they get within 2 m of walking."""
+        window = max(1, round(2.0 / self.along_m[1]))
+        padded = np.pad(self._near_m, ((0, 0), (window, window)), constant_values=np.inf)
+        views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
+        return self._near_m <= views.min(axis=2) + 0.5
 
     def seen_at(self, claim: Claim) -> Place:
         """Return where a thing is in view; one on a side is nearby."""

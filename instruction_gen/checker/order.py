@@ -11,7 +11,7 @@ import numpy as np
 
 from ..facts.records import TurnFact
 from ..language.claims import Claim
-from .ground import Ground, Mask, Place, room_names, spread
+from .ground import Ground, Mask, Place, answers_to, room_names, spread
 
 States = dict[int, Mask]
 
@@ -19,7 +19,7 @@ CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named n
 _GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 88.0, 55.0, 125.0
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
-_ORDER_M = 1.5  # things this near to each other may be passed in either order
+_ORDER_M = 1.0  # things this near to each other may be passed in either order
 _SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 1.0, "enter": 1.0, "leave": 1.0,
             "door": 1.2, "turn": 1.3, "stop": 9.0}  # fmt: skip
 
@@ -32,14 +32,17 @@ class Problem:
     reason: str
 
 
-def check_order(claims: Sequence[Claim], ground: Ground) -> list[Problem]:
-    """Return what does not hold, in order."""
-    return _Walk(ground, claims).run()
+def check_order(
+    claims: Sequence[Claim], owners: Sequence[int], ground: Ground
+) -> list[Problem]:
+    """Return what does not hold, in order; `owners` are the numbers of the claims' steps."""
+    return _Walk(ground, claims, owners).run()
 
 
 class _Walk:
-    def __init__(self, ground: Ground, claims: Sequence[Claim]):
-        self.ground, self.claims = ground, claims
+    def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
+        self.ground, self.claims, self.owners = ground, claims, owners
+        self.room: tuple[int, Claim, Mask] | None = None  # the last room that was entered
         self.along, self.turns = ground.along_m, ground.facts.turns
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
@@ -97,6 +100,17 @@ class _Walk:
         if reason:
             return reason
         self.last = [mask]
+        owner = self.owners[self.index]
+        if self.room is not None and self.room[0] != owner:
+            if claim.kind == "door" and self.claims[self.index - 1] is self.room[1] and (
+                self.room[1].kind == "enter" and self.room[1].name
+            ):
+                mask = mask & ~self.room[2]  # "go into the hall and take the door": the next one
+            elif claim.kind in ("pass", "reach") and self.room[1].name:
+                first = float(self.along[np.argmax(self.room[2])])
+                mask = mask & (self.along >= first + 0.5)  # not what stands in the room before
+            if not mask.any():
+                return f"the {claim.text or 'doorway'} is not in the room that the text has entered"
         slack, still = _SLACK_M[claim.kind], claim.kind == "see" or claim.kind == "pass"
         states = self.states
         if self.tight is not None and claim.kind in ("door", "enter", "leave"):
@@ -119,6 +133,9 @@ class _Walk:
                 result[made] = ahead if ahead.any() else reach
         if result:
             self.states = result
+            if claim.kind in ("enter", "door"):
+                entered = np.any([mask & m for m in result.values()], axis=0)
+                self.room = (owner, claim, entered) if entered.any() else self.room
             return ""
         return self._missing(claim, mask)
 
@@ -246,7 +263,7 @@ class _Walk:
             reason = ground.stopped_at_door(claim)
         else:
             reason = ground.stopped_at(claim) if claim.what == "thing" else ""
-        if reason:
+        if reason := reason or self._elsewhere(claim):
             return reason
         end = ground.between(ground.length_m - 0.5, ground.length_m)
         if self.tight is not None and not any(
@@ -258,6 +275,17 @@ class _Walk:
         if not claim.what and not any((spread(m, self.along, 3.0) & end).any() for m in named):
             return "the path goes on farther than what is named before the stop"
         return ""
+
+    def _elsewhere(self, claim: Claim) -> str:
+        """Return why a thing to stop at must be one in a room that the path only goes through."""
+        rooms = [c for c in self.claims[: self.index] if c.kind != "stop"]
+        if claim.what != "thing" or claim.room or not rooms or rooms[-1].kind not in ("enter", "in"):
+            return ""
+        names, facts = room_names(rooms[-1].name), self.ground.facts
+        if not names or names & {facts.goal_room, *facts.goal_rooms}:
+            return ""
+        twins = [m for m in facts.landmarks if m.room in names and answers_to(m, claim.name)]
+        return f"the {claim.name} in the {rooms[-1].name} is not where the path ends" if twins else ""
 
     # turns that are not claimed ---------------------------------------------------------------
 

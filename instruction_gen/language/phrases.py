@@ -134,7 +134,7 @@ def _named(
     phrase = replace(phrase, what=what, name=name, room=room, plural=plural)
     # "The door of the bedroom", "the table in the kitchen".
     after = k
-    joined = ("of", "into", "to", "from", "in") if what == "door" else ("of", "in")
+    joined = ("of", "to", "from", "in") if what == "door" else ("of", "in")
     while after < len(tokens) and tokens[after].text in _LINKS and what == "door":
         after += 1
     if not room and after < len(tokens) and PREP_OF.get(tokens[after].text) in joined:

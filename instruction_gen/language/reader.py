@@ -432,10 +432,9 @@ _LISTING = frozenset(
     "them".split()
 )
 _ADJECTIVE = (
-    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "er",
-    "est", "ible", "able",
+    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est", "ible", "able",
 )  # fmt: skip
-_OFFSETS = frozenset("past before after from of into".split())
+_OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _Clause.verb_own = property(lambda c: any(_verb(c.tokens, k) for k in range(len(c.tokens))))  # type: ignore[attr-defined]
 

@@ -1,4 +1,4 @@
-"""Options of the commands for instructions: `instruct`, `review`."""
+"""Options of the commands for instructions: `instruct`, `check-text`, `review`."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,6 +33,21 @@ class Instruct(Wording, Parallel):
     """Random seed of the phrasing."""
     max_failed: int = 0
     """Maximum number of episodes without a valid instruction; exit with code 1 above it."""
+
+
+@dataclass(frozen=True)
+class CheckText:
+    """Check texts of any origin against the paths that they describe."""
+
+    episodes: tyro.conf.Positional[Path]
+    """Run folder of `collect`, or an episode file (outside of a run, --scenes is required)."""
+    texts: Path
+    """JSON lines {"path": trajectory id, "text": ..., "claims": [...]}; claims are optional."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; by default the run's."""
+    json: bool = False
+    """Print one JSON object as the last line: {"texts": [{"path", "text", "refused", "problems",
+    "unchecked"}, ...]}."""
 
 
 @dataclass(frozen=True)

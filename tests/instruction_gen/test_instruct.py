@@ -64,10 +64,10 @@ def texts_of(points, bundle, seed=0, style="natural", count=1):
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("points", [EAST, LEFT, EAST[::-1], LEFT[::-1]])
 def test_composed_texts_are_true_and_well_formed(two_rooms, points, style):
-    facts = facts_of(points, two_rooms)
+    ground = Ground(facts_of(points, two_rooms))
     for seed in range(4):
         for text in texts_of(points, two_rooms, seed, style, 2):
-            assert check_text(text, facts).problems == ()
+            assert check_text(text, ground).problems == ()
             assert text[0].isupper() and text.endswith(".") and "  " not in text
 
 
@@ -174,64 +174,6 @@ def test_a_round_corner_is_one_turn():
     path = np.concatenate([[[0.0, 0.0]], arc, [[5.0, 5.0]]])
     (turn,) = find_turns(path, 0.0)
     assert np.rad2deg(turn.angle_rad) == pytest.approx(90, abs=5)
-
-
-TRUE = [
-    (LEFT, "Turn left through the doorway into the kitchen and stop right there by the table."),
-    (LEFT, "Walk forward, take a left, go through the door and wait beside the table."),
-    (LEFT, "With the sofa behind you, turn left. Go into the kitchen and halt next to the table."),
-    (EAST, "Leave the kitchen, pass the sofa on your right and stop once the sofa is behind you."),
-    (EAST, "Walk straight through the doorway and go on past the sofa on the right, then stop."),
-]
-
-
-@pytest.mark.parametrize(("points", "text"), TRUE[:2] + TRUE[3:])
-def test_true_texts_pass(two_rooms, points, text):
-    assert check_text(text, facts_of(points, two_rooms)).problems == ()
-
-
-WRONG = [
-    ("Turn right through the doorway into the kitchen and stop next to the table.", "right"),
-    ("Turn left through the doorway, turn left again, then stop next to the table.", "turn left"),
-    ("Turn left into the kitchen, then walk on past the table to the far wall.", "where to stop"),
-    ("Go straight through the kitchen to the table and stop beside it.", "left out"),
-    ("Turn left and stop.", "words"),
-    ("Turn left into the bathroom, walk past the table and stop there.", "bathroom"),
-    ("Turn left into the kitchen, walk past the bathtub and stop there.", "bathtub"),
-    ("Turn left into the kitchen and stop at the grand piano.", "piano"),
-    ("Turn left into the kitchen and stop at the zorblatt.", "zorblatt"),
-    ("Turn left into the kitchen, go past the sofa and stop at the table.", "sofa"),
-    ("Turn left, walk nine metres into the kitchen and stop at the table.", "9.0 m"),
-    ("Turn left into the kitchen and stop at the second table.", "number 2"),
-    ("Turn left into the kitchen and stop between the three tables.", "3"),
-    ("Turn left into the kitchen and stop at the green table.", "green"),
-    ("Stop at the sofa. Then turn left into the kitchen and go to the table.", "stop"),
-    ("Tourne à gauche dans la cuisine puis arrête-toi près de la table.", "English"),
-    ("I am sorry, but I cannot go to the table in the kitchen and stop.", "speak"),
-    ("The kitchen is a lovely place with a large wooden table inside.", "instruction"),
-    ("Turn left into the kitchen {ignore this} and stop at the table.", "belongs"),
-]
-
-
-@pytest.mark.parametrize(("text", "complaint"), WRONG)
-def test_false_texts_are_caught(two_rooms, text, complaint):
-    verdict = check_text(text, facts_of(LEFT, two_rooms))
-    assert any(complaint in p for p in verdict.problems), verdict.problems
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "Walk to the TV stand, turn left and stop right there.",
-        "Go to the end of the hallway and stop.",
-    ],
-)
-def test_stands_and_ends_are_nouns(text):
-    from vlnpe.instruction_gen.language.parse import parse
-
-    verbs = [c.verb for c in parse(text).clauses]
-    assert verbs.count("stop") == 1 and verbs[-1] == "stop"
-    assert [c.side for c in parse(text).clauses if c.side] in ([], ["left"])
 
 
 def test_labels_are_data(two_rooms):
@@ -347,56 +289,6 @@ def test_routes_name_rooms(two_rooms):
     assert (passage.from_room, passage.to_room, passage.doorway) == ("living room", "kitchen", True)
     assert facts.goal_room == "kitchen"
     assert facts.turns[0].side == "left"
-
-
-_WORDS = st.sampled_from(
-    [
-        "turn",
-        "left",
-        "right",
-        "the",
-        "second",
-        "red",
-        "sofa",
-        "of",
-        "with",
-        "between",
-        "and",
-        ",",
-        ".",
-        "stop",
-        "to",
-        "in",
-        "on",
-        "your",
-        "door",
-        "into",
-        "past",
-        "kitchen",
-        "end",
-        "7",
-        "3rd",
-        "don't",
-        "until",
-        "piano",
-        "pair",
-        "-",
-        "’",
-        "{",
-        ";",
-    ]
-)
-
-
-@pytest.fixture(scope="module")
-def left(two_rooms):
-    return facts_of(LEFT, two_rooms)
-
-
-@given(st.lists(_WORDS, max_size=25))
-@settings(max_examples=150, deadline=None)
-def test_any_words_can_be_read(left, words):
-    assert isinstance(check_text(" ".join(words), left).problems, tuple)
 
 
 def test_facts_follow_their_published_schema(two_rooms):

@@ -93,7 +93,7 @@ def test_a_model_with_false_texts_gets_the_reasons_and_is_then_replaced(two_room
     with Server(lambda n, r: completion(texts(LIE, LIE, LIE))).running() as server:
         results, writer, ground = write_with(server, tmp_path, two_rooms)
     assert len(server.requests) == 3  # once, and twice with the reasons
-    assert "does not turn right" in server.requests[1]["messages"][-1]["content"]
+    assert "no turn to the right" in server.requests[1]["messages"][-1]["content"]
     assert len(results) == 3 and {one.writer for one in results} == {"composer"}
     assert all(check_text(one.text, ground).ok for one in results)
     assert writer.rejected == 9 and writer.replaced == 3

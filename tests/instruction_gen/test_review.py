@@ -198,7 +198,7 @@ def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
     good = "Turn left into the kitchen and stop next to the table."
     with serving(review) as address:
         status, answer = ask(address, "/api/decide", body | {"text": lie})
-        assert status == 409 and b"turn right" in answer
+        assert status == 409 and b"no turn to the right" in answer
         assert ask(address, "/api/decide", body | {"text": good})[0] == 200
         status, answer = ask(address, "/api/path?number=1&annotator=ann")
         assert json.loads(answer)["texts"][0]["text"] == good

@@ -1,26 +1,18 @@
-"""Find the way on the map that a text describes.
+"""What it costs to meet the sub-goals of a text along the ways to each place of a level.
 
-The follower looks at the shortest ways from where it stands to every place of the level, and
-carries a text's sub-goals out along each: it must come by the things, pass the doors, make the
-turns and stop, in the order of the text. Turns that the text does not mention cost a
-little, a sub-goal that cannot be met ends a way. The cheapest way that is left is walked; when
-none is left, the follower is lost.
+The walker must come by the things, pass the doors, make the turns and stop, in the order of the
+text. Turns that the text does not mention cost a little; a sub-goal that cannot be met ends a way.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from ..language.reader import read_text
-from .goals import SubGoal, UnfollowableError, sub_goals
+from .goals import SubGoal
 from .places import on_side, place_cost, sided_door, stop_cost
 from .ways import Ways, wrap
 from .world import Array, World
 
-_PER_METRE = 0.03
-_LOST = 4.0  # a way that costs more is none that the text means
-_DETOUR = 0.6  # cost of a way that is not the shortest
 _BENT = 0.4  # per radian: one walks straight where the text gives only a distance
 _LAG, _DOOR_LAG = (
     4,
@@ -31,49 +23,6 @@ _TIGHT = 10  # cells: a turn is this near to the end of a distance given before 
 _HINT_RAD = np.deg2rad(20.0)
 _PLAIN_RAD = np.deg2rad(33.0)
 _AROUND_RAD = np.deg2rad(115.0)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """How following ended.
-
-    Attributes:
-        position_m: (2,) where [m].
-        lost: why it gave up, "" when it did not.
-        legs: how many sub-goals it reached.
-    """
-
-    position_m: Array
-    lost: str
-    legs: int
-
-
-def follow(text: str, world: World, start_m: Array, start_yaw_rad: float) -> Followed:
-    """Follow a text from a pose: `start_m` (2,) [m] and heading [rad]."""
-    start = np.asarray(start_m, dtype=np.float64)[:2]
-    try:
-        goals = sub_goals(read_text(text))
-    except UnfollowableError as error:
-        return Followed(start, str(error), 0)
-    tried = [_along(goals, ways, world) for ways in world.ways(start, start_yaw_rad)]
-    # The shortest ways, unless what the text mentions lies on others.
-    costs = [cost + _DETOUR * (number > 0) for number, (_, cost) in enumerate(tried)]
-    best = tried[int(np.argmin(costs))][0] if np.isfinite(costs).any() else tried[0][0]
-    return best
-
-
-def _along(goals: list[SubGoal], ways: Ways, world: World) -> tuple[Followed, float]:
-    """Return how following ends on one tree of ways, and what it costs; inf when lost."""
-    costs = prefix_costs(goals, ways, world)
-    number, here = len(costs) - 1, costs[-1]
-    if number < len(goals):
-        best = int(np.argmin(here))
-        return Followed(ways.points_m[best], f"lost at {goals[number].said!r}", number), np.inf
-    total = here + _PER_METRE * ways.along_m
-    best = int(np.argmin(total))
-    if here[best] > _LOST:
-        return Followed(ways.points_m[best], "no way fits well enough", len(goals)), np.inf
-    return Followed(ways.points_m[best], "", len(goals)), float(total[best])
 
 
 def prefix_costs(goals: Sequence[SubGoal], ways: Ways, world: World) -> list[Array]:

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...formats.scene.freemap import Freemap
+from ...instruction_gen.facts.doors import DOOR, doorways
+from ...instruction_gen.facts.geometry import no_wall_between, skin_of
+from ...instruction_gen.facts.rooms import room_names
+from ...instruction_gen.language.lexicon import ROOM_PHRASES
+from ...instruction_gen.language.nouns import called, noun_of
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
-from ..facts.doors import DOOR, doorways
-from ..facts.geometry import no_wall_between, skin_of
-from ..facts.rooms import room_names
-from ..language.lexicon import ROOM_PHRASES
-from ..language.nouns import called, noun_of
 
 if TYPE_CHECKING:
     from .ways import Ways

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..language.claims import Claim, Step
+from ...instruction_gen.language.claims import Claim, Step
 
 
 @dataclass(frozen=True)
@@ -93,4 +93,4 @@ def _place(claim: Claim) -> Place:
         kind = "door" if claim.place else "any"
     side = claim.side if claim.side in ("left", "right") else ""
     prep = "past" if claim.place == "past" else _PREPS[claim.kind]
-    return Place(kind, claim.name, prep, side, max(claim.ordinal, 0))
+    return Place(kind, "door" if kind == "door" else claim.name, prep, side, max(claim.ordinal, 0))

@@ -1,0 +1,105 @@
+"""`vlnpe check-text`: check texts of any origin against the facts of their paths."""
+
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.vlnce.files import read_episodes
+from ...instruction_gen.checker import Ground, Verdict, check_text
+from ...instruction_gen.facts import path_facts
+from ...instruction_gen.facts.named import read_named
+from ...instruction_gen.instruct import Levels
+from ...instruction_gen.language.claims import Step, read_steps
+from ..engine.run_folder import RunFolder
+from ..inputs.episode_file import episode_files, scenes_of
+from ..options.instructions import CheckText
+from ..stages.instructions.instruct_job import read_sights
+from ..summary import print_result
+
+LONGEST_LINE = 100_000  # characters
+
+
+def run(options: CheckText) -> int:
+    """Check every text; return 1 if any is refused.
+
+    Raises:
+        InputError: the texts, the episodes or their scenes cannot be read.
+    """
+    texts = list(read_texts(options.texts))
+    episodes = {
+        episode.trajectory_id: episode
+        for file in episode_files(options.episodes)
+        for episode in read_episodes(file)
+    }
+    for path, _, _ in texts:
+        if path not in episodes:
+            raise UnknownNameError("path", path, episodes)
+    # In a run the facts say what the robot's camera saw; elsewhere walls alone decide.
+    records = RunFolder(options.episodes).sights if options.episodes.is_dir() else None
+    levels = Levels(
+        scenes_of(options.episodes, options.scenes),
+        read_named(records.all_named()) if records else {},
+    )
+    seen = read_sights(records.all_seen()) if records else None
+    grounds: dict[str, Ground] = {}
+    result: list[dict[str, Any]] = []
+    for path, text, steps in texts:
+        if path not in grounds:
+            episode = episodes[path]
+            grounds[path] = Ground(path_facts(episode, levels.of(episode), seen))
+        verdict = check_text(text, grounds[path], steps)
+        result.append(record(path, text, verdict))
+        if not options.json:
+            sys.stdout.writelines(f"{path}: {problem}: {text!r}\n" for problem in verdict.problems)
+    refused = sum(one["refused"] for one in result)
+    unchecked = sum(bool(one["unchecked"]) for one in result)
+    line = f"{len(result)} texts: {refused} refused, {unchecked} with unchecked words"
+    print_result(options, {"texts": result}, line)
+    return int(refused > 0)
+
+
+def record(path: str, text: str, verdict: Verdict) -> dict[str, Any]:
+    """Return the verdict about one text as it is printed."""
+    return {
+        "path": path,
+        "text": text,
+        "refused": not verdict.ok,
+        "problems": list(verdict.problems),
+        "unchecked": list(verdict.unchecked),
+    }
+
+
+def read_texts(file: Path) -> Iterator[tuple[str, str, tuple[Step, ...]]]:
+    """Return path, text and steps of each line of a JSONL file; no steps where it has no claims.
+
+    Raises:
+        FileFormatError: the file or a line cannot be read; the message names the line.
+    """
+    try:
+        lines = file.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileFormatError(file, f"cannot be read: {error}") from error
+    for number, line in enumerate(lines, start=1):
+        if not line.strip():
+            continue
+        try:
+            yield _read_line(line)
+        except (InputError, ValueError, RecursionError) as error:
+            raise FileFormatError(file, f"line {number}: {error}") from error
+
+
+def _read_line(line: str) -> tuple[str, str, tuple[Step, ...]]:
+    if len(line) > LONGEST_LINE:
+        raise InputError(f"{len(line)} characters; at most {LONGEST_LINE}")
+    value = json.loads(line)
+    if not isinstance(value, dict) or set(value) - {"path", "text", "claims"}:
+        raise InputError(f"{line!r:.80}; valid: an object with the keys path, text and claims")
+    for key in ("path", "text"):
+        if not isinstance(value.get(key), str):
+            raise InputError(f"{key} is {value.get(key)!r:.40}; valid: a text")
+    claims = value.get("claims")
+    return value["path"], value["text"], () if claims is None else read_steps(claims)
+

@@ -1,0 +1,279 @@
+"""The checker: true texts pass, each kind of lie is refused, claims must cover their words."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.instructions.buildings import building
+from benchmarks.instructions.corpus import FOLDER, episode_of_record
+from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
+from vlnpe.formats.core.errors import InputError
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.facts import path_facts
+from vlnpe.instruction_gen.language.claims import claim_record, read_steps
+from vlnpe.instruction_gen.language.reader import read_text
+
+
+@pytest.fixture(scope="module")
+def villa():
+    """The facts of five paths in a generated villa."""
+    document = json.loads(Path(FOLDER / "villa-43.json").read_text())
+    level = building("villa", 43)
+    episodes = [episode_of_record(record, "villa-43") for record in document["paths"][:5]]
+    return [Ground(path_facts(episode, level)) for episode in episodes]
+
+
+# Written from the map and the facts, before the checker was finished: path of the villa, text.
+TRUTHS = [
+    (
+        0,
+        "Leave the children's room and turn left into the hallway. Walk past the mirror and "
+        "the shoe cabinet, pass the bench on the right and stop just after the coat rack.",
+    ),
+    (
+        0,
+        "Head out of the kids' room past the wardrobe on your left. In the hall go left, "
+        "carry on to the end past the bench, and stop outside the bathroom.",
+    ),
+    (
+        1,
+        "Walk down the hall and turn left. Go left again into the children's room just after "
+        "the shoe cabinet, walk past the wardrobe, and stop by the chair at the desk.",
+    ),
+    (
+        2,
+        "Walk past the bed and out of the bedroom. Go right along the hall past the coat "
+        "rack, then left into the bathroom. Stop in front of the washbasin.",
+    ),
+    (
+        2,
+        "Past the dresser you leave the bedroom; veer right and follow the corridor until a "
+        "bathroom opens on your left. Enter it and stop with the toilet on your right.",
+    ),
+    (
+        3,
+        "Turn right out of the bedroom and walk past the shoe cabinet. Turn left into the "
+        "kids' room and stop once you've passed the wardrobe.",
+    ),
+    (
+        4,
+        "Walk along the dining table and turn right at its end. Go past the fridge into the "
+        "living room, turn left into the hallway, and take the next doorway on the left, "
+        "which is the office. Stop on the rug.",
+    ),
+    (
+        4,
+        "Pass the fridge and go through into the living room, then left by the sideboard into "
+        "the hall. Walk about three metres and turn left into the study. Stop before the "
+        "bookshelf.",
+    ),
+]
+LIES = [
+    (
+        0,
+        "turn",
+        "Leave the children's room and turn right into the hallway. Walk past the mirror and "
+        "the shoe cabinet, pass the bench and stop just after the coat rack.",
+    ),
+    (
+        0,
+        "side",
+        "Leave the children's room and turn left into the hallway. Pass the bench on your "
+        "left and stop just after the coat rack.",
+    ),
+    (
+        0,
+        "doorway",
+        "Head out of the kids' room past the wardrobe on your left. In the hall go left, "
+        "carry on past the bench, and stop outside the kitchen.",
+    ),
+    (
+        1,
+        "ordinal",
+        "Walk down the hall and turn left. Take the ninth door on the left into the "
+        "children's room, walk past the wardrobe and stop by the desk.",
+    ),
+    (
+        1,
+        "doorside",
+        "Walk down the hall and turn left. Take the door on the right into the children's "
+        "room, walk past the wardrobe, and stop by the desk.",
+    ),
+    (
+        2,
+        "turn",
+        "Walk past the bed and out of the bedroom. Go left along the hall past the coat rack, "
+        "then left into the bathroom. Stop in front of the washbasin.",
+    ),
+    (
+        2,
+        "room",
+        "Walk past the bed and out of the bedroom. Go right along the hall past the coat "
+        "rack, then left into the office. Stop in front of the washbasin.",
+    ),
+    (
+        3,
+        "roomorder",
+        "Turn right into the children's room, walk past the shoe cabinet, then go left into "
+        "the hallway and stop once you've passed the wardrobe.",
+    ),
+    (
+        3,
+        "turn",
+        "Turn left out of the bedroom and walk past the shoe cabinet. Turn left into the "
+        "kids' room and stop once you've passed the wardrobe.",
+    ),
+    (
+        4,
+        "side",
+        "Walk along the dining table and turn right at its end. Go past the fridge on your "
+        "left into the living room, turn left into the hallway, then left into the office. "
+        "Stop on the rug.",
+    ),
+    (
+        4,
+        "inout",
+        "Walk along the dining table and turn right. Go past the fridge out to the garage, "
+        "turn left into the hallway, then left into the office. Stop on the rug.",
+    ),
+    (
+        4,
+        "junk",
+        "Certainly! Here is your instruction: Pass the fridge into the living room, then turn "
+        "left into the hall. Turn left into the office and stop before the bookshelf.",
+    ),
+    (
+        4,
+        "distance",
+        "Pass the fridge and go through into the living room, then left into the hall. Walk "
+        "twenty metres and turn left into the study. Stop before the bookshelf.",
+    ),
+]
+
+
+@pytest.mark.parametrize(("number", "text"), TRUTHS)
+def test_true_texts_pass(villa, number, text):
+    assert check_text(text, villa[number]).problems == ()
+
+
+@pytest.mark.parametrize(("number", "kind", "text"), LIES)
+def test_lies_are_refused(villa, number, kind, text):
+    assert not check_text(text, villa[number]).ok
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("Turn right through the doorway into the kitchen and stop next to the table.", "right"),
+        ("Turn left through the doorway, turn left again, then stop next to the table.", "left"),
+        ("Turn left into the kitchen, then walk on past the table to the far wall.", "where to stop"),
+        ("Turn left into the bathroom, walk past the table and stop there.", "bathroom"),
+        ("Turn left into the kitchen, walk past the bathtub and stop there.", "bathtub"),
+        ("Turn left into the kitchen and stop at the zorblatt.", "zorblatt"),
+        ("Turn left into the kitchen, go past the sofa and stop at the table.", "sofa"),
+        ("Turn left, walk nine metres into the kitchen and stop at the table.", "9 metres"),
+        ("Turn left into the kitchen and stop at the second table.", "number 2"),
+        ("Turn left into the kitchen and stop between the three tables.", "3"),
+        ("Stop at the sofa. Then turn left into the kitchen and go on.", "sofa"),
+        ("Turn left into the kitchen and stop at the table. The password is tulip.", "password"),
+        ("Turn left into the kitchen and stop at the table. Kill all humans.", "humans"),
+        ("Turn left through the helicopter door and stop at the table.", "helicopter"),
+        ("Tourne à gauche dans la cuisine puis arrête-toi près de la table.", "English"),
+        ("I am sorry, but I cannot go to the table in the kitchen and stop.", "speak"),
+        ("Turn left into the kitchen {ignore this} and stop at the table.", "belongs"),
+        ("1. Turn left into the kitchen. 2. Stop at the table.", "list"),
+    ],
+)
+def test_the_problem_is_named(two_rooms, text, complaint):
+    verdict = check_text(text, Ground(facts_of(LEFT, two_rooms)))
+    assert any(complaint in p for p in verdict.problems), verdict.problems
+
+
+GOOD = [
+    {
+        "words": "Turn left into the kitchen.",
+        "claims": [
+            {"kind": "turn", "side": "left"},
+            {"kind": "enter", "what": "room", "name": "kitchen"},
+        ],
+    },
+    {"words": "Stop at the table.", "claims": [{"kind": "stop", "what": "thing", "name": "table"}]},
+]
+
+
+@pytest.mark.parametrize(
+    ("step", "words", "complaint"),
+    [
+        (0, "Turn right into the kitchen.", "no claim says right"),
+        (0, "Turn left into the bathroom.", "no claim is about the bathroom"),
+        (0, "Turn left past the sofa into the kitchen.", "no claim is about the sofa"),
+        (0, "Turn left through the third door into the kitchen.", "no claim says third"),
+        (0, "Walk twenty metres and turn left into the kitchen.", "no claim says twenty"),
+        (0, "Do not turn left into the kitchen.", "not"),
+        (0, "Turn left into the glorious kitchen.", "glorious"),
+        (1, "Stop at the table. Then leave.", "leave"),
+    ],
+)
+def test_every_word_needs_a_claim(two_rooms, step, words, complaint):
+    ground = Ground(facts_of(LEFT, two_rooms))
+    text = " ".join(one["words"] for one in GOOD)
+    assert check_text(text, ground, read_steps(GOOD)).problems == ()
+    changed = [*GOOD[:step], GOOD[step] | {"words": words}, *GOOD[step + 1 :]]
+    said = " ".join(one["words"] for one in changed)
+    problems = check_text(said, ground, read_steps(changed)).problems
+    assert any(complaint in problem for problem in problems), problems
+    assert not check_text(said, ground, read_steps(GOOD)).ok  # other words than the steps'
+
+
+@pytest.mark.parametrize(
+    ("claims", "complaint"),
+    [
+        ("turn left", "a list of steps"),
+        ([{"word": "x"}], "valid keys"),
+        ([{"words": "x", "claims": [{"kind": "fly"}]}], "fly"),
+        ([{"words": "x", "claims": [{"side": "left"}]}], "no kind"),
+        ([{"words": "x", "claims": [{"kind": "turn", "side": 3}]}], "side"),
+        ([{"words": "x", "claims": [{"kind": "walk", "metres": True}]}], "metres"),
+    ],
+)
+def test_claims_of_another_form_are_refused(claims, complaint):
+    with pytest.raises(InputError, match=complaint):
+        read_steps(claims)
+
+
+def test_claims_that_are_read_are_written_and_read_again():
+    steps = read_text("Turn left at the second chair, walk three metres and stop by the sofa.")
+    records = [
+        {"words": step.words, "claims": [claim_record(claim) for claim in step.claims]}
+        for step in steps
+    ]
+    again = read_steps(json.loads(json.dumps(records)))
+    assert [step.claims for step in again] == [step.claims for step in steps]
+
+
+_WORDS = st.sampled_from(
+    "turn left right the second red sofa of with between and , . stop to in on your door into past "
+    "kitchen end 7 3rd don't until piano pair - ’ { ; metres half not again both ( ) table's".split()
+)
+
+
+@given(st.lists(_WORDS, max_size=25))
+@settings(max_examples=150, deadline=None)
+def test_any_words_can_be_read(two_rooms, words):
+    ground = Ground(facts_of(EAST, two_rooms))
+    assert isinstance(check_text("go " + " ".join(words), ground).problems, tuple)
+
+
+def test_numbers_are_read(two_rooms):
+    def metres(text):
+        return [c.metres for s in read_text(text) for c in s.claims if c.kind == "walk"]
+
+    assert metres("Walk twenty-five metres and stop.") == [25.0]
+    assert metres("Walk half a mile and stop.") == [pytest.approx(804.5)]
+    assert metres("Walk a metre and a half and stop.") == [1.5]
+    assert metres("Go for two hundred feet and stop.") == [pytest.approx(61.0)]
+    assert np.isclose(metres("Take a few steps and stop.")[0], 2.0)
