@@ -1,1 +1,1 @@
-"""Where a text leads on a map: sub-goals, ways, and what meeting the ones along the others costs."""
+"""Where a text leads on a map: its sub-goals, the ways, and what they cost."""

@@ -61,11 +61,11 @@ def _uncovered(step: Step) -> list[str]:
             problems.append(f"no claim says {word}")
         elif word in NEGATIONS and "avoid" not in kinds:
             problems.append(f"{word}: an instruction says what to do")
-        elif (number := number_of(word)) and not _vague(tokens, k) and not any(
-            abs(number - n) < 0.51 for n in numbers
-        ):
-            problems.append(f"no claim says {word}")
-        elif word in ORDINALS and noun_kind(_after(tokens, k)) and ORDINALS[word] not in numbers:
+        elif (
+            (number := number_of(word))
+            and not _vague(tokens, k)
+            and not any(abs(number - n) < 0.51 for n in numbers)
+        ) or (word in ORDINALS and noun_kind(_after(tokens, k)) and ORDINALS[word] not in numbers):
             problems.append(f"no claim says {word}")
         elif noun_kind(word) and not _named(word, step.claims):
             if read_phrase(tokens, k) or noun_kind(word) != "door":

@@ -59,8 +59,9 @@ class Ground:
         ahead = (self._near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
         near = (self._near_m <= PASS_M) & abeam
         if claim.side:  # on that side where it is nearest, or ahead where it is never abeam
-            never = ~(near & self._nearest()).any(axis=1)
-            near = (near & self._nearest()) | (ahead & never[:, None])
+            near &= self._nearest()
+            never = ~near.any(axis=1, keepdims=True)
+            near |= ahead & never
         return self._where(claim, near, "is not beside the path")
 
     def _nearest(self) -> Mask:
@@ -193,7 +194,8 @@ class Ground:
         if where is None:
             return loose
         clear = where & (np.abs(bearing) >= _CLEAR_SIDE_DEG) & (np.abs(bearing) <= 155.0)
-        return np.where(clear.any(axis=1)[:, None], loose & clear, loose)
+        some = np.asarray(clear.any(axis=1, keepdims=True))
+        return np.where(some, loose & clear, loose)
 
     def _ordinal(self, chosen: list[int], claim: Claim) -> Mask:
         """Return which things have an ordinal, counted from the start, in a room, or on a side."""
@@ -206,7 +208,11 @@ class Ground:
         for visit in self.facts.visits:
             for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
                 rows += [
-                    [n for n in row if first_m <= self.facts.landmarks[n].along_m <= visit.to_m + 0.5]
+                    [
+                        n
+                        for n in row
+                        if first_m <= self.facts.landmarks[n].along_m <= visit.to_m + 0.5
+                    ]
                     for row in rows[:2]
                 ]
         k = claim.ordinal - 1 if claim.ordinal > 0 else -1
@@ -299,7 +305,8 @@ class Ground:
         if claim.side not in ("left", "right"):
             return everywhere, ""
         inside = [n for n, m in enumerate(self.facts.landmarks) if m.room in names]
-        mask = (self._sided(inside, claim.side) & (self.distance[inside] <= 8.0)).any(axis=0)
+        near = self._sided(inside, claim.side) & (self.distance[inside] <= 8.0)
+        mask: Mask = np.asarray(near.any(axis=0))
         for p in self.facts.passages:
             if p.to_room in names and self.door_side(p, claim.side):
                 mask = mask | self.between(p.along_m - 4.0, p.along_m + 0.5)
@@ -333,7 +340,10 @@ class Ground:
             return ""
         if claim.place in ("outside", "before") and facts.goal_room in names:
             return "" if 0 < entered_m <= 0.6 else f"the path ends inside the {claim.name}"
-        if claim.place not in ("outside", "before") and names & {facts.goal_room, *facts.goal_rooms}:
+        if claim.place not in ("outside", "before") and names & {
+            facts.goal_room,
+            *facts.goal_rooms,
+        }:
             return ""
         return f"the path does not end {claim.place or 'in'} the {claim.name}"
 

@@ -32,9 +32,7 @@ class Problem:
     reason: str
 
 
-def check_order(
-    claims: Sequence[Claim], owners: Sequence[int], ground: Ground
-) -> list[Problem]:
+def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) -> list[Problem]:
     """Return what does not hold, in order; `owners` are the numbers of the claims' steps."""
     return _Walk(ground, claims, owners).run()
 
@@ -102,8 +100,10 @@ class _Walk:
         self.last = [mask]
         owner = self.owners[self.index]
         if self.room is not None and self.room[0] != owner:
-            if claim.kind == "door" and self.claims[self.index - 1] is self.room[1] and (
-                self.room[1].kind == "enter" and self.room[1].name
+            if (
+                claim.kind == "door"
+                and self.claims[self.index - 1] is self.room[1]
+                and (self.room[1].kind == "enter" and self.room[1].name)
             ):
                 mask = mask & ~self.room[2]  # "go into the hall and take the door": the next one
             elif claim.kind in ("pass", "reach") and self.room[1].name:
@@ -184,7 +184,7 @@ class _Walk:
         return ""
 
     def _skips(self, made: int, k: int, first_m: float, claim: Claim) -> bool:
-        """Return whether a clear turn to the other side lies before turn `k`, claimed by nothing."""
+        """Return whether an unclaimed clear turn to the other side lies before turn `k`."""
         return any(
             t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > first_m - 0.5
             and self.leads[j] >= self.index - 1
@@ -279,13 +279,20 @@ class _Walk:
     def _elsewhere(self, claim: Claim) -> str:
         """Return why a thing to stop at must be one in a room that the path only goes through."""
         rooms = [c for c in self.claims[: self.index] if c.kind != "stop"]
-        if claim.what != "thing" or claim.room or not rooms or rooms[-1].kind not in ("enter", "in"):
+        if (
+            claim.what != "thing"
+            or claim.room
+            or not rooms
+            or rooms[-1].kind not in ("enter", "in")
+        ):
             return ""
         names, facts = room_names(rooms[-1].name), self.ground.facts
         if not names or names & {facts.goal_room, *facts.goal_rooms}:
             return ""
         twins = [m for m in facts.landmarks if m.room in names and answers_to(m, claim.name)]
-        return f"the {claim.name} in the {rooms[-1].name} is not where the path ends" if twins else ""
+        return (
+            f"the {claim.name} in the {rooms[-1].name} is not where the path ends" if twins else ""
+        )
 
     # turns that are not claimed ---------------------------------------------------------------
 

@@ -62,7 +62,7 @@ class Claim:
 
 
 _CLOSED = {"kind": KINDS, "what": WHAT, "side": SIDES, "place": PLACES, "degree": DEGREES}
-_TYPES = {f.name: f.type for f in fields(Claim)}
+_TYPES: dict[str, type] = {f.name: type(f.default) for f in fields(Claim)} | {"kind": str}
 
 
 @dataclass(frozen=True)

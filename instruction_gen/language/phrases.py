@@ -89,9 +89,11 @@ def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
             colour = COLOURS[word]
         elif word in MATERIALS and _leads_to_noun(tokens, k + 1):
             material = MATERIALS[word]
-        elif word in ADJECTIVES or (word in VAGUE_COUNTS and k > first):
-            pass
-        elif word in ("hand", "side", "most") and side:
+        elif (
+            word in ADJECTIVES
+            or (word in VAGUE_COUNTS and k > first)
+            or (side and word in ("hand", "side", "most"))
+        ):
             pass
         else:
             break
@@ -118,9 +120,7 @@ def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
 _VERBLIKE = frozenset("exit stand steps light range screen board tub entrance sign bar".split())
 
 
-def _named(
-    tokens: Sequence[Token], k: int, names: list[str], phrase: Phrase
-) -> tuple[Phrase, int]:
+def _named(tokens: Sequence[Token], k: int, names: list[str], phrase: Phrase) -> tuple[Phrase, int]:
     head, before = names[-1], names[:-1]
     what = noun_kind(head)
     room = next((n for n in before if noun_kind(n) == "room"), "")
@@ -162,7 +162,7 @@ def _leads_to_noun(tokens: Sequence[Token], k: int) -> bool:
     ):
         k += 1
     return k < len(tokens) and (
-        bool(noun_kind(tokens[k].text)) and not (tokens[k].text in _VERBLIKE and k == 0)
+        (bool(noun_kind(tokens[k].text)) and not (tokens[k].text in _VERBLIKE and k == 0))
         or tokens[k].text in ("wall", "side", "hand", "one")
     )
 
@@ -186,8 +186,7 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
         word = tokens[k].text
         if word in UNITS_M:
             unit = UNITS_M[word]
-            if not seen and not (k > first and tokens[k - 1].text in ("a", "an", "another", "more",
-                                                                      "one", "little")):  # fmt: skip
+            if not seen and not (k > first and tokens[k - 1].text in _ONE_UNIT):
                 if not (vague or word in ("steps", "metres", "meters", "paces")):
                     return None
                 vague = True
@@ -224,6 +223,7 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
     return None
 
 
+_ONE_UNIT = frozenset("a an another more one little".split())
 _IN_DISTANCE = frozenset(
     "a an another more of and or to the about around roughly last further good full next other "
     "extra additional final small little short big long quick - – mere".split()

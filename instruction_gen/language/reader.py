@@ -44,6 +44,11 @@ class _Clause:
     negated: bool = False
     sentence: int = 0
 
+    @property
+    def verb_own(self) -> bool:
+        """Whether the clause has a verb of its own."""
+        return any(_verb(self.tokens, k) for k in range(len(self.tokens)))
+
 
 def read_text(text: str) -> list[Step]:
     """Return the steps of a text in order, the stop last."""
@@ -62,17 +67,18 @@ def _step(clause: _Clause, text: str) -> Step:
         for k, t in enumerate(clause.tokens)
         if k not in clause.used and t.is_word and not t.text.isupper() and _is_content(t.text)
     ]
-    return Step(
-        text[start:stop], tuple(clause.claims), start, tuple(loose), tuple(clause.faults)
-    )
+    return Step(text[start:stop], tuple(clause.claims), start, tuple(loose), tuple(clause.faults))
 
 
 def _is_content(word: str) -> bool:
     """Return whether a word says something that should be covered by a claim."""
     closed = word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
-    return closed or not (word in FILLERS or word in VERB_OF or word in PREP_OF
-                          or word in DETERMINERS or word in ORDINALS or word in PARTS
-                          or word in JOINTS or word in SLIGHT or word in SHARP or word == "'s")  # fmt: skip
+    return closed or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+
+
+_SMALL_WORDS = (
+    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP,
+)  # fmt: skip
 
 
 # clauses --------------------------------------------------------------------------------------
@@ -179,11 +185,11 @@ class _Reader:
                 clause.until = clause.until or before.until
                 clause.negated = clause.negated or before.negated
         stop = clause.verb == "stop" or (
-            self.stopping == clause.sentence and clause.verb in ("", "see", "reach", "pass", "enter",
-                                                                  "go", "turn")
+            self.stopping == clause.sentence
             and (clause.until or clause.verb in ("", "see") or clause.joint == "")
-            and not (clause.joint in ("then", "and", ",") and clause.verb in ("go", "turn", "enter"))
-        )  # fmt: skip
+            and clause.verb not in ("stop", "leave", "cross", "toward")
+            and not (clause.joint in ("then", "and", ",") and clause.verb in _GOES_ON)
+        )
         if clause.verb == "stop":
             self.stopping = clause.sentence
         if not self._listed_side(clause):
@@ -359,7 +365,7 @@ class _Reader:
         if clause.verb == "see" or (placed and not clause.verb and end < len(tokens)):
             clause.used.update(words)
             return side
-        if placed and clause.verb == "stop" or (placed and clause.verb == "pass"):
+        if (placed and clause.verb == "stop") or (placed and clause.verb == "pass"):
             clause.used.update(words)
             return side
         if turning and not clause.negated:
@@ -395,7 +401,7 @@ class _Reader:
     def _emit(self, clause: _Clause, target: Phrase, prep: str, stop: bool) -> list[Claim]:
         """Return the claims of one target after a preposition."""
         verb = clause.verb
-        if stop and prep not in ("through", "from", "into") or (stop and verb == "stop"):
+        if (stop and prep not in ("through", "from", "into")) or (stop and verb == "stop"):
             return _stopped(target, prep, clause)
         if clause.before:
             return [target.claim("see")]
@@ -431,12 +437,13 @@ _LISTING = frozenset(
     "over still as before always and ahead straight further back well two three one which that it "
     "them".split()
 )
+_GOES_ON = frozenset("go turn enter".split())
 _ADJECTIVE = (
-    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est", "ible", "able",
+    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est",
+    "ible", "able",
 )  # fmt: skip
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
-_Clause.verb_own = property(lambda c: any(_verb(c.tokens, k) for k in range(len(c.tokens))))  # type: ignore[attr-defined]
 
 
 def _of_part(tokens: Sequence[Token], k: int) -> bool:
@@ -472,8 +479,10 @@ def _room(target: Phrase, prep: str, verb: str, clause: _Clause) -> Claim | None
         return target.claim("in" if at and verb != "enter" else "enter")
     if prep == "outside":
         return target.claim("see")
-    if verb == "see" or prep in ("past", "with", "toward", "at", "after", "before", "behind") or (
-        verb in ("pass", "toward")
+    if (
+        verb == "see"
+        or prep in ("past", "with", "toward", "at", "after", "before", "behind")
+        or (verb in ("pass", "toward"))
     ):
         return target.claim("pass" if prep == "past" or verb == "pass" else "see")
     if prep in ("in", "along", "through", "across", "around", "between") or verb in ("cross", "go"):
@@ -482,8 +491,10 @@ def _room(target: Phrase, prep: str, verb: str, clause: _Clause) -> Claim | None
 
 
 def _door(target: Phrase, prep: str, verb: str, clause: _Clause) -> Claim | None:
-    if prep in ("through", "into", "from") or verb in ("enter", "leave") or (
-        not prep and verb in ("go", "turn", "cross", "") and not clause.until
+    if (
+        prep in ("through", "into", "from")
+        or verb in ("enter", "leave")
+        or (not prep and verb in ("go", "turn", "cross", "") and not clause.until)
     ):
         return target.claim("door")
     if prep == "past" or verb == "pass":
@@ -513,9 +524,8 @@ def _stopped(target: Phrase, prep: str, clause: _Clause) -> list[Claim]:
     if clause.before and clause.until:
         place = "before"
     if target.what == "room":
-        if clause.until and clause.verb in ("enter", "reach") and place == "at":
-            place = "inside"
-        elif prep == "along":
+        reached = clause.until and clause.verb in ("enter", "reach") and place == "at"
+        if reached or prep == "along":
             place = "inside"
         if clause.verb == "leave":
             return []
@@ -578,9 +588,9 @@ def _stops(clauses: list[_Clause]) -> None:
         moves = [k for k in moves if clauses[k].claims]
         stops = [k for k in stops if clauses[k].claims]
     first_move = moves[0] if moves else len(clauses)
-    goal = [k for k in stops if clauses[k].tokens and clauses[k].tokens[0].text != "stand"
-            and k < first_move or clauses[k].sentence == 0 and k == stops[0]
-            and clauses[k].sentence < clauses[first_move].sentence]  # fmt: skip
+    goal = [k for k in stops if (clauses[k].tokens and clauses[k].tokens[0].text != "stand"
+            and k < first_move) or (clauses[k].sentence == 0 and k == stops[0]
+            and clauses[k].sentence < clauses[first_move].sentence)]  # fmt: skip
     if goal and moves and goal[0] < moves[-1]:
         # The goal is said first.
         moved = [c for k in goal for c in clauses[k].claims]
@@ -597,7 +607,10 @@ def _stops(clauses: list[_Clause]) -> None:
         if k != last and clauses[k].tokens[0].text == "stand" and not any(m < k for m in moves):
             clauses[k].claims = []  # how the walker stands at the start
     for k in stops[:-1]:
-        if any(k < m <= last for m in moves if m != k) and clauses[k].sentence < clauses[last].sentence:
+        if (
+            any(k < m <= last for m in moves if m != k)
+            and clauses[k].sentence < clauses[last].sentence
+        ):
             clauses[k].claims = [
                 replace(c, kind="reach", place="") if c.kind == "stop" else c
                 for c in clauses[k].claims
@@ -615,7 +628,8 @@ _GOAL_CUES = frozenset(
 
 
 _ANNOUNCED = frozenset(
-    "aim goal target destination finish finishes ends place spot point headed bound TOWARD stop".split()
+    "aim goal target destination finish finishes ends place spot point headed bound TOWARD "
+    "stop".split()
 )
 
 
@@ -644,7 +658,9 @@ def _goal_first(clauses: list[_Clause], stopped: bool) -> bool:
     last = rest[-1]
     for clause, claim in targets:
         place = "inside" if claim.what == "room" else "at"
-        if claim.what == "room" and any(t.text in ("outside", "before", "short") for t in clause.tokens):
+        if claim.what == "room" and any(
+            t.text in ("outside", "before", "short") for t in clause.tokens
+        ):
             place = "outside"
         if claim.kind != "see" or claim.side or len(targets) == 1 or claim.what != "room":
             stop = replace(claim, kind="stop", place=claim.place or place)

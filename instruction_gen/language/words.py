@@ -52,14 +52,17 @@ PREPOSITIONS = {
 }
 PREP_OF = {word: prep for prep, words in PREPOSITIONS.items() for word in words.split()}
 
-# What is read as if it were other words; the longest first. A name in capitals is a mark.
+# What is read as if it were other words; a line that ends with a bar goes on in the next. Words in
+# capitals are marks.
 _PHRASES = """
-next to|right next to|just next to|close to|close by|hard by|adjacent to|level with|abreast of|in line with=at
+next to|right next to|just next to|close to|close by|hard by|adjacent to|level with|abreast of|
+in line with=at
 at the level of|at the side of|by the side of|in the vicinity of=at
 in front of|just short of|short of|ahead of|right in front of|just ahead of=before
 just inside=in
 out of|out from|away from|clear of|off of=from
-out to|out into|out onto|back to|back into|through to|through into|through onto|over to|on to|on into|up into=into
+out to|out into|out onto|back to|back into|through to|through into|through onto|over to|on to|
+on into|up into=into
 out in|back in|into in=into
 as far as|all the way to|right up to|up to|down to|along to|across to|all the way down to=to
 all the way into|straight into|directly into|on through to|on through into=into
@@ -75,23 +78,47 @@ just after|immediately after|just beyond|shortly after=after
 in between=between
 just outside=outside
 straight across|all the way across=across
-turn around|turning around|turn round|turn back|u turn|u-turn|about face|about turn|do a 180|turn yourself around|turn right around|turn right round=TURN_AROUND
-make your way|making your way|carry on|carrying on|keep on|keep going|keep walking|keep straight|keep moving|keep heading|keep straight on|move on|press on|set off|set out|start off|start out|head off|get going|go on|walk on|find your way|work your way|pick your way|take yourself|head on|moving on|going on|walking on|continue on|go ahead|walk ahead=go
+turn around|turning around|turn round|turn back|u turn|u-turn|about face|about turn|
+do a 180|turn yourself around|turn right around|turn right round=TURN_AROUND
+make your way|making your way|carry on|carrying on|keep on|keep going|keep walking|
+keep straight|keep moving|keep heading|keep straight on|move on|press on|set off|set out|
+start off|start out|head off|get going|go on|walk on|find your way|work your way|pick your way|
+take yourself|head on|moving on|going on|walking on|continue on|go ahead|walk ahead=go
 make a u turn|make a u-turn|do a u turn|do a u-turn=TURN_AROUND
-come to a stop|come to a halt|come to rest|coming to a stop|bring yourself to a stop|you are there|you are done|you have arrived|you have reached your destination|you arrive|that is it|that is where you stop|that is your stop|that is your spot|take a seat|sit down|take up position|end up|end your walk|ending up|this is it|that is the spot|that is the place|have a seat|you have made it=stop
-where you stop|where you should stop|where we stop|where you want to stop|where you finish|where you end|where you should end up|where you want to be|where you need to be|where to stop|where you are headed|where you are going|where you wait=stop
-you want|you need|you are looking for|we want|head for|heading for|make for|making for|aim for|aiming for=TOWARD
-get to|come to|gets to|come up to|arrive at|arriving at|you meet|walk up to|go up to|getting to|come upon|come across|go as far as|go all the way to|walk as far as|walk all the way to=reach
-comes into view|come into view|comes up|come up|coming up|appears|you will find|you find|you can see=see
+come to a stop|come to a halt|come to rest|coming to a stop|bring yourself to a stop|
+you are there|you are done|you have arrived|you have reached your destination|you arrive|
+that is it|that is where you stop|that is your stop|that is your spot|take a seat|sit down|
+take up position|end up|end your walk|ending up|this is it|that is the spot|that is the place|
+have a seat|you have made it=stop
+where you stop|where you should stop|where we stop|where you want to stop|where you finish|
+where you end|where you should end up|where you want to be|where you need to be|where to stop|
+where you are headed|where you are going|where you wait=stop
+you want|you need|you are looking for|we want|head for|heading for|make for|making for|
+aim for|aiming for=TOWARD
+get to|come to|gets to|come up to|arrive at|arriving at|you meet|walk up to|go up to|
+getting to|come upon|come across|go as far as|go all the way to|walk as far as|
+walk all the way to=reach
+comes into view|come into view|comes up|come up|coming up|appears|you will find|you find|
+you can see=see
 there is|there are|there will be|here is=see
-get in|go in|walk in|head in|step in|come in|nip in|pop in|going in|in you go|go inside|walk inside|step inside|head inside|in there=GO_IN
-go out|walk out|head out|step out|come out|get out|going out|walking out|out you go|exit out|coming out=GO_OUT
-go through|walk through|step through|head through|pass through|going through|walking through|passing through=GO_THROUGH
-so that|such that|until|till|once|when|as soon as|by the time|the moment|as you|as|where|after you|after passing|before you|if=UNTIL
-both sides|either side|each side|side by side|right away|right now|straight away|all right|all the way|the rest of the way|right angle|at right angles|of course|by now|the other way|on your way|along the way|on the way|in a straight line|straight on|straight ahead|dead ahead|straight forward|at once|at all|at last|in turn|for now=
-on your feet|in your path|in your way|at the same time|as well|so far|a little way|a bit further|a short way|a short distance|a little further|a little=
+get in|go in|walk in|head in|step in|come in|nip in|pop in|going in|in you go|go inside|
+walk inside|step inside|head inside|in there=GO_IN
+go out|walk out|head out|step out|come out|get out|going out|walking out|out you go|
+exit out|coming out=GO_OUT
+go through|walk through|step through|head through|pass through|going through|
+walking through|passing through=GO_THROUGH
+so that|such that|until|till|once|when|as soon as|by the time|the moment|as you|as|where|
+after you|after passing|before you|if=UNTIL
+both sides|either side|each side|side by side|right away|right now|straight away|all right|
+all the way|the rest of the way|right angle|at right angles|of course|by now|the other way|
+on your way|along the way|on the way|in a straight line|straight on|straight ahead|dead ahead|
+straight forward|at once|at all|at last|in turn|for now=
+on your feet|in your path|in your way|at the same time|as well|so far|a little way|a bit further|
+a short way|a short distance|a little further|a little=
 right there|just there|over there|right here=there
-in the middle of|in the centre of|in the center of|at the foot of|at the head of|at the corner of|at the end of|at the far end of|by the end of|by the corner of|at the edge of=PLACE_OF
+in the middle of|in the centre of|in the center of|at the foot of|at the head of|
+at the corner of|at the end of|at the far end of|by the end of|by the corner of|
+at the edge of=PLACE_OF
 in the corner|in the far corner|at the far end|at the end|at the back|in the middle=
 """
 
@@ -198,7 +225,7 @@ FILLERS = frozenset(
 
 def _table() -> dict[tuple[str, ...], tuple[str, ...]]:
     result = {}
-    for line in _PHRASES.strip().splitlines():
+    for line in _PHRASES.strip().replace("|\n", "|").splitlines():
         phrases, _, meaning = line.partition("=")
         for phrase in phrases.split("|"):
             result[tuple(phrase.split())] = tuple(meaning.split())

@@ -102,4 +102,3 @@ def _read_line(line: str) -> tuple[str, str, tuple[Step, ...]]:
             raise InputError(f"{key} is {value.get(key)!r:.40}; valid: a text")
     claims = value.get("claims")
     return value["path"], value["text"], () if claims is None else read_steps(claims)
-
