@@ -15,6 +15,13 @@ LINK = re.compile(r"\]\(([^)#:\s]+)(?:#[^)]*)?\)")
 FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir()} - {"build", "runs"}
 
 
+def test_the_pages_stay_short() -> None:
+    readme, contributing, *pages = (page.read_text() for page in PAGES)
+    assert len(readme.splitlines()) <= 120 and len(readme.split()) <= 900
+    assert len(contributing.split()) <= 900
+    assert sum(len(text.split()) for text in (readme, contributing, *pages)) <= 30_000
+
+
 def test_commands_are_found_in_the_pages() -> None:
     words = [words for page in PAGES for words in commands(page)]
     assert {"vlnpe", "make"} <= {first for first, *_ in words} and len(words) > 60
