@@ -63,7 +63,8 @@ class PolicyChoice:
 
         Raises:
             InputError: the server cannot be reached, its client's libraries are missing, the
-                environment does not say where the model is, or a limit in `use` is invalid.
+                environment does not say where the model is, a limit in `use` is invalid, or a
+                checkpoint is damaged.
         """
         if self.name in MODEL_POLICIES:
             from .llm.policies import model_identity
@@ -72,8 +73,10 @@ class PolicyChoice:
         if (path := self.checkpoint) is not None:
             if find_spec("torch") is None:
                 raise MissingExtraError(f"{path.name}: a learned policy", "train")
-            card = file_digest(path.with_suffix(".json"))
-            return f"{path.stem} {file_digest(path)} {card}"
+            from ..learning.checkpoint import load_checkpoint
+
+            digest = load_checkpoint(path).sha256  # before any episode would fail on damage
+            return f"{path.stem} {digest} {file_digest(path.with_suffix('.json'))}"
         if not self.is_server:
             return self.name
         server = self._server()

@@ -15,6 +15,7 @@ from .policy import Assignment, PolicyError
 from .server import PROTOCOL, decode, encode
 
 LARGEST_ANSWER_BYTES = 1 << 20
+LONGEST_TEXT = 2000  # characters of a text that is kept
 
 
 class RemotePolicy:
@@ -58,9 +59,9 @@ class RemotePolicy:
         """
         answer = self._ask({"type": "act", "observation": observation.to_dict()})
         if "action" not in answer:
-            self._fail(f"answered without an action: {sorted(map(str, answer))}")
+            self._fail(f"answered without an action: {sorted(map(str, answer))!s:.500}")
         if answer.get("said"):
-            self.said.append(str(answer["said"]))
+            self.said.append(f"{answer['said']!s:.{LONGEST_TEXT}}")
         return answer["action"]
 
     def close(self) -> None:
@@ -90,7 +91,7 @@ class RemotePolicy:
         if not isinstance(hello, dict) or hello.get("protocol") != PROTOCOL:
             self._fail(f"does not speak {PROTOCOL}")
         self.blind = not hello.get("images", True)
-        self.version = str(hello.get("version") or "")
+        self.version = f"{hello.get('version') or ''!s:.{LONGEST_TEXT}}"
 
     def _ask(self, message: dict[str, Any]) -> dict[str, Any]:
         try:

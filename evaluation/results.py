@@ -1,6 +1,5 @@
 """Results of an evaluation: the table of metrics with intervals, the file, the comparison."""
 
-import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,20 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from ..formats.core.errors import FileFormatError, InputError
+from ..formats.core.errors import FileFormatError, InputError, brief
+from ..formats.untrusted.documents import read_json_object
 from .statistics import Interval, clustered_interval, mcnemar
 
 RESULTS_NAME = "results.json"
+FORMAT = "vlnpe-results/1"
 TABLE_WIDTH = 120  # characters
 # Column, unit, and the value of an episode; rates are percentages of episodes.
 COLUMNS: dict[str, tuple[str, Callable[[Mapping[str, Any]], float]]] = {
     "TL": ("m", lambda e: _number(e["metrics"]["trajectory_length_m"])),
     "NE": ("m", lambda e: _number(e["metrics"]["navigation_error_m"])),
-    "FR": ("%", lambda e: 100.0 * e["metrics"]["fall"]),
-    "StR": ("%", lambda e: 100.0 * e["metrics"]["stuck"]),
-    "OS": ("%", lambda e: 100.0 * e["metrics"]["oracle_success"]),
-    "SR": ("%", lambda e: 100.0 * e["metrics"]["success"]),
-    "SPL": ("%", lambda e: 100.0 * e["metrics"]["spl"]),
+    "FR": ("%", lambda e: _percent(e["metrics"]["fall"])),
+    "StR": ("%", lambda e: _percent(e["metrics"]["stuck"])),
+    "OS": ("%", lambda e: _percent(e["metrics"]["oracle_success"])),
+    "SR": ("%", lambda e: _percent(e["metrics"]["success"])),
+    "SPL": ("%", lambda e: _percent(e["metrics"]["spl"])),
     "nDTW": ("%", lambda e: 100.0 * _number(e["metrics"]["ndtw"])),
     "CR": ("%", lambda e: 100.0 * bool(e["contacts"])),
     "time": ("s", lambda e: _number(e["metrics"]["duration_s"])),
@@ -43,7 +44,15 @@ RATES = frozenset({"FR", "StR", "OS", "SR", "SPL", "CR"})
 
 
 def _number(value: float | None) -> float:
+    if value is not None and not isinstance(value, int | float):
+        raise TypeError(f"{brief(value)} is no number")
     return math.nan if value is None else float(value)
+
+
+def _percent(value: float) -> float:
+    if not 0 <= _number(value) <= 1:
+        raise ValueError(f"{brief(value)}; valid: 0 to 1")
+    return 100.0 * value
 
 
 def summarise(episodes: Sequence[Mapping[str, Any]]) -> dict[str, Interval]:
@@ -133,7 +142,7 @@ def results_json(
         return {name: interval_json(value) for name, value in summarise(some).items()}
 
     return {
-        "format": "vlnpe-results/1",
+        "format": FORMAT,
         "setting": dict(setting),
         "summary": plain(episodes),
         **{
@@ -155,21 +164,48 @@ def read_results(path: Path) -> dict[str, Any]:
 
     Raises:
         InputError: there is no such file.
-        FileFormatError: it is no results file.
+        FileFormatError: it is no results file, or a value in it is missing or invalid.
     """
     file = path / RESULTS_NAME if path.is_dir() else path
     if not file.is_file():
         raise InputError(
             f"{file}: no such file; valid: the folder of a `vlnpe evaluate`, or its {RESULTS_NAME}"
         )
-    try:
-        value = json.loads(file.read_text())
-        known = value["format"] == "vlnpe-results/1" and isinstance(value["episodes"], list)
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise FileFormatError(file, f"not results of `vlnpe evaluate` ({error})") from error
-    if not known:
+    value = read_json_object(file)
+    episodes, setting = value.get("episodes"), value.get("setting", {})
+    if value.get("format") != FORMAT or not isinstance(episodes, list):
         raise FileFormatError(file, "not results of `vlnpe evaluate`")
+    if not isinstance(setting, dict):
+        raise FileFormatError(file, f"setting is {brief(setting)}; valid: an object")
+    uids = set[str]()
+    for number, episode in enumerate(episodes):
+        uid = _check_episode(file, number, episode)
+        if uid in uids:
+            raise FileFormatError(file, f"episode {uid} occurs twice")
+        uids.add(uid)
     return value
+
+
+def _check_episode(file: Path, number: int, episode: Any) -> str:
+    """Return the uid of an episode whose columns and names can be read.
+
+    Raises:
+        FileFormatError: names the episode and the column.
+    """
+    what = f"episode number {number}"
+    if not isinstance(episode, dict):
+        raise FileFormatError(file, f"{what} is {brief(episode)}; valid: an object")
+    for name in ("split", "scene", "episode", "trajectory"):
+        if not isinstance(episode.get(name), str | int):
+            raise FileFormatError(file, f"{what}: {name} is {brief(episode.get(name))}")
+    for name, (_, column) in COLUMNS.items():
+        try:
+            column(episode)
+        except KeyError as error:
+            raise FileFormatError(file, f"{what} lacks {error}, which {name} needs") from error
+        except (TypeError, ValueError, OverflowError) as error:
+            raise FileFormatError(file, f"{what}: {name} cannot be read ({error})") from error
+    return uid_of(episode["split"], episode["scene"], episode["episode"])
 
 
 @dataclass(frozen=True)

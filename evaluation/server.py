@@ -25,6 +25,7 @@ A server that fails answers {"error": "…"}. An array is a map of `dtype` (nump
 """
 
 import logging
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -52,7 +53,7 @@ def decode(data: bytes | str) -> Any:
         raise ValueError("a text message; valid: binary messages")
     try:
         return msgpack.unpackb(data, object_hook=_array_in)
-    except (msgpack.UnpackException, TypeError, KeyError) as error:
+    except (msgpack.UnpackException, TypeError, KeyError, OverflowError) as error:
         raise ValueError(f"not a msgpack message: {error}") from error
 
 
@@ -70,10 +71,13 @@ def _array_in(value: dict[Any, Any]) -> Any:
     if "__array__" not in value:
         return value
     array = value["__array__"]
-    dtype = np.dtype(array["dtype"])
-    if dtype.hasobject:
-        raise ValueError("an array of objects")
-    return np.frombuffer(array["data"], dtype).reshape(array["shape"])
+    name, shape = array["dtype"], array["shape"]
+    # NumPy takes a dtype for an expression, whose errors are of any type.
+    if not isinstance(name, str) or not re.fullmatch(r"[<>|=]?[?biuf][1-8]?", name):
+        raise ValueError(f"an array of {name!r:.100}; valid: of numbers, such as '<f4'")
+    if not isinstance(shape, list) or not all(type(n) is int and n >= 0 for n in shape):
+        raise ValueError(f"an array of shape {shape!r:.100}")
+    return np.frombuffer(array["data"], np.dtype(name)).reshape(shape)
 
 
 def serve(make_policy: Callable[[], Any], host: str = "127.0.0.1", port: int = 8765) -> None:

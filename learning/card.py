@@ -4,15 +4,17 @@ It holds what is needed to build the model (architecture, vocabulary, image size
 were made from (data digests, recipe, seed, start), and how the training went (curves).
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
+
+from pydantic import TypeAdapter, ValidationError
 
 from ..datasets.tokens import Tokens
 from ..formats.core.atomic import write_json
-from ..formats.core.errors import FileFormatError, InputError
+from ..formats.core.errors import FileFormatError, InputError, brief
+from ..formats.untrusted.documents import read_json_object
 from ..formats.vlnce.vocabulary import Vocabulary
 from .config import TrainConfig, train_config
 
@@ -73,6 +75,21 @@ class Card:
         return Tokens(Vocabulary(self.words), self.config.tokens)
 
 
+class _Rest(TypedDict):
+    """The types of the card's values that no class of their own checks."""
+
+    robots: tuple[str, ...]
+    controllers: tuple[str, ...]
+    lights: tuple[str, ...]
+    seed: int
+    steps: int
+    recipe: dict[str, Any]
+    data: tuple[dict[str, Any], ...]
+    held_out: dict[str, Any]
+    start: str
+    curves: tuple[dict[str, Any], ...]
+
+
 def card_path(path: Path) -> Path:
     """Return where the card of the weights in `path` lies."""
     return path.with_suffix(".json")
@@ -97,27 +114,26 @@ def read_card(path: Path) -> tuple[Card, str]:
         FileFormatError: missing, damaged or of another version.
     """
     place = card_path(path)
-    try:
-        value = json.loads(place.read_text())
-    except OSError as error:
+    if not place.exists():
+        raise FileFormatError(place, f"no such file; a checkpoint is {path.name} and this card")
+    value = read_json_object(place)
+    if value.get("card") != CARD_VERSION:
         raise FileFormatError(
-            place, f"not readable ({error.strerror}); a checkpoint is {path.name} and this card"
-        ) from error
-    except ValueError as error:
-        raise FileFormatError(place, f"not JSON ({error})") from error
-    if not isinstance(value, dict) or value.get("card") != CARD_VERSION:
-        version = value.get("card") if isinstance(value, dict) else None
-        raise FileFormatError(place, f"card version {version}; valid: {CARD_VERSION}")
+            place, f"card version {brief(value.get('card'))}; valid: {CARD_VERSION}"
+        )
     try:
         config = train_config(value["config"])
         words = tuple(value["words"])
         if len(words) < 2 or not all(isinstance(word, str) for word in words):
             raise ValueError("words are not a vocabulary")
-        view = View(**value["view"])
-        card = Card(config, words, view, steps=int(value["steps"]), seed=int(value["seed"]))
-        lists = ("robots", "controllers", "lights", "data", "curves")
-        rest: dict[str, Any] = {name: tuple(value[name]) for name in lists}
-        rest |= {name: value[name] for name in ("recipe", "held_out", "start")}
+        view = TypeAdapter(View).validate_python(value["view"])
+        card = Card(config, words, view)
+        rest = TypeAdapter(_Rest).validate_python(value)
         return replace(card, **rest), str(value["weights_sha256"])
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        reason = f"not the card of a checkpoint ({where}: {first['msg']})"
+        raise FileFormatError(place, reason) from error
     except (KeyError, TypeError, ValueError, InputError) as error:
         raise FileFormatError(place, f"not the card of a checkpoint ({error!r})") from error

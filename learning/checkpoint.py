@@ -12,8 +12,12 @@ from torch import Tensor
 
 from ..formats.core.atomic import write_bytes
 from ..formats.core.errors import FileFormatError, InputError
+from ..formats.untrusted.files import read_input
 from .card import SUFFIX, Card, card_path, read_card, write_card
 from .models.registry import Model, build_model
+
+HEADER_BYTES = 1 << 20  # at most
+BYTES_PER_WEIGHT = 8  # at most
 
 
 @dataclass(frozen=True)
@@ -56,12 +60,13 @@ def load_checkpoint(path: Path) -> Checkpoint:
             together.
     """
     card, digest = read_card(path)
-    try:
-        raw = path.read_bytes()
-    except OSError as error:
-        raise FileFormatError(path, f"not readable ({error.strerror})") from error
-    found = hashlib.sha256(raw).hexdigest()
-    if found != digest:
+    # Of a model without memory: a card may describe more than any machine has.
+    with torch.device("meta"):
+        shapes = build_model(card.tokens, card.config.model, pretrained=False).state_dict()
+    most = HEADER_BYTES + sum(value.numel() * BYTES_PER_WEIGHT for value in shapes.values())
+    raw = read_input(path, max_bytes=most)
+    actual = hashlib.sha256(raw).hexdigest()
+    if actual != digest:
         raise FileFormatError(
             path, f"not the weights that {card_path(path).name} describes, or damaged (SHA-256)"
         )
@@ -69,22 +74,21 @@ def load_checkpoint(path: Path) -> Checkpoint:
         weights = load(raw)
     except SafetensorError as error:
         raise FileFormatError(path, f"not a safetensors file ({error})") from error
+    _check_weights(path, weights, shapes)
     with torch.random.fork_rng():
         model = build_model(card.tokens, card.config.model, pretrained=False)
-    _fill(model, weights, path)
-    return Checkpoint(card, model.eval(), found)
+    model.load_state_dict({name: value.float() for name, value in weights.items()})
+    return Checkpoint(card, model.eval(), actual)
 
 
-def _fill(model: Model, weights: Mapping[str, Tensor], path: Path) -> None:
-    expected = model.state_dict()
-    wrong = sorted(set(expected) ^ set(weights))
+def _check_weights(path: Path, weights: Mapping[str, Tensor], shapes: Mapping[str, Tensor]) -> None:
+    wrong = sorted(set(shapes) ^ set(weights))
     if wrong:
         raise FileFormatError(path, f"missing or unexpected weights: {', '.join(wrong[:5])}")
     for name, value in weights.items():
-        if value.shape != expected[name].shape:
+        if value.shape != shapes[name].shape:
             raise FileFormatError(
-                path, f"{name} is {tuple(value.shape)}; the card says {tuple(expected[name].shape)}"
+                path, f"{name} is {tuple(value.shape)}; the card says {tuple(shapes[name].shape)}"
             )
         if not torch.isfinite(value).all():
             raise FileFormatError(path, f"{name} holds values that are not finite")
-    model.load_state_dict({name: value.float() for name, value in weights.items()})

@@ -10,6 +10,7 @@ MODELS = ("cma", "seq2seq", "rdp")
 IMAGES = ("rgb", "depth")
 INPUTS = (*IMAGES, "instruction")
 ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
+_LARGEST = {"hidden": 8192, "words": 4096, "layers": 64, "diffusion_steps": 10_000}
 DISCRETE = ("cma", "seq2seq")  # models that choose one of the discrete actions
 
 
@@ -55,13 +56,16 @@ class ModelConfig:
             check_name(kind, value, valid)
         for name in self.inputs:
             check_name("input of the model", name, INPUTS)
-        for name in ("hidden", "words", "layers", "diffusion_steps"):
-            if getattr(self, name) < 1:
-                raise InputError(f"model: {name} {getattr(self, name)}; valid: 1 or more")
+        for name, most in _LARGEST.items():
+            if not 1 <= getattr(self, name) <= most:
+                raise InputError(f"model: {name} {getattr(self, name)}; valid: 1 to {most}")
         if self.hidden % 8:
             raise InputError(f"model: hidden {self.hidden}; valid: a multiple of 8")
-        if not self.channels or min(self.channels) < 1:
-            raise InputError(f"model: channels {self.channels}; valid: one or more, above 0")
+        widest = _LARGEST["hidden"]
+        if not 1 <= len(self.channels) <= 8 or not min(self.channels) >= 1:
+            raise InputError(f"model: channels {self.channels}; valid: one to eight, above 0")
+        if max(self.channels) > widest:
+            raise InputError(f"model: channels {self.channels}; valid: up to {widest} each")
         if not 0.0 <= self.dropout < 1.0:
             raise InputError(f"model: dropout {self.dropout}; valid: at least 0, below 1")
 

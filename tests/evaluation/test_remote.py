@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import msgpack
 import numpy as np
 import pytest
 
@@ -103,6 +104,41 @@ def test_a_dead_or_missing_server_is_reported(server) -> None:
         policy.act(seen())
     with pytest.raises(PolicyError, match=f"{url} cannot be reached"):
         policy.reset(ASSIGNMENT)
+
+
+HOSTILE_ARRAYS = (
+    [
+        {"dtype": dtype, "shape": [1], "data": b"12345678"}
+        for dtype in (
+            "O",
+            "(,)f4,f4",
+            "f4,f4",
+            "(9999999999,)f8",
+            "V8",
+            "[('a', 'f4')]",
+            "U2",
+            3,
+            None,
+        )
+    ]
+    + [
+        {"dtype": "<f4", "shape": shape, "data": b"12345678"}
+        for shape in ([3], [-1], [2**63], [[2]], 2, "2", [1.0], None)
+    ]
+    + [{"dtype": "<f4", "shape": [2], "data": data} for data in (b"123", "text", 3, None, [])]
+)
+
+
+@pytest.mark.parametrize("array", [*HOSTILE_ARRAYS, {}, [], None, "text"])
+def test_arrays_of_strangers_are_numbers_or_refused(array: object) -> None:
+    with pytest.raises(ValueError):
+        decode(msgpack.packb({"protocol": "vlnpe-policy/1", "version": {"__array__": array}}))
+
+
+@pytest.mark.parametrize("data", [b"\x91" * 5000, b"\xdf\xff\xff\xff\xff", b"\xc7\xff\xff", b""])
+def test_messages_of_strangers_are_refused(data: bytes) -> None:
+    with pytest.raises(ValueError):
+        decode(data)
 
 
 def test_arrays_survive_the_wire() -> None:

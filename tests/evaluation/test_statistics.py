@@ -1,6 +1,9 @@
 """Intervals that cover what they say, and the test of paired successes."""
 
+import json
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from vlnpe.evaluation.statistics import (
     mean_over_seeds,
 )
 from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline.cli import main
 
 
 def test_scenes_that_differ_widen_the_interval() -> None:
@@ -224,3 +228,59 @@ def test_intervals_of_differences_hold_the_truth_as_often_as_they_say(
         found = difference(more, walked(hard))
         held += found.low <= truth <= found.high
     assert held / repeats >= 0.9
+
+
+METRICS = dict.fromkeys(
+    ("trajectory_length_m", "navigation_error_m", "duration_s", "ndtw", "spl"), 1.0
+) | dict.fromkeys(("fall", "stuck", "oracle_success", "success"), False)
+EPISODE = {"split": "val", "scene": "s", "episode": "1", "trajectory": "t", "contacts": 0}
+EPISODE |= {"metrics": METRICS}
+
+
+def metric(**changes: object) -> dict[str, object]:
+    return EPISODE | {"metrics": METRICS | changes}
+
+
+@pytest.mark.parametrize(
+    ("episodes", "said"),
+    [
+        ([{}], "split is None"),
+        ([3], "episode number 0 is 3"),
+        ([EPISODE | {"metrics": None}], "number 0: TL cannot be read"),
+        ([EPISODE | {"metrics": []}], "TL cannot be read"),
+        ([EPISODE | {"metrics": {}}], "lacks 'trajectory_length_m', which TL needs"),
+        ([metric(success="yes")], "SR cannot be read .'yes' is no number"),
+        ([metric(spl="0.5")], "SPL cannot be read"),
+        ([metric(ndtw="0.5")], "nDTW cannot be read"),
+        ([metric(navigation_error_m=[1])], "NE cannot be read"),
+        ([metric(spl=float("nan"))], "SPL cannot be read"),
+        ([metric(spl=1e300)], "valid: 0 to 1"),
+        ([metric(duration_s={})], "time cannot be read"),
+        ([metric(fall=10**400)], "FR cannot be read"),
+        ([metric(duration_s=10**400)], "time cannot be read"),
+        ([{k: v for k, v in EPISODE.items() if k != "contacts"}], "lacks 'contacts'"),
+        ([EPISODE | {"scene": ["s"]}], "scene is"),
+        ([EPISODE | {"trajectory": {}}], "trajectory is"),
+        ([EPISODE, EPISODE], "val/s/1 occurs twice"),
+        ({}, "not results"),
+    ],
+)
+def test_compare_names_what_it_cannot_read_in_one_line(
+    episodes: object, said: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    for name, value in (("good", [EPISODE]), ("bad", episodes)):
+        (tmp_path / name).mkdir()
+        content = {"format": "vlnpe-results/1", "setting": {}, "episodes": value}
+        (tmp_path / name / "results.json").write_text(json.dumps(content))
+    assert main(["compare", str(tmp_path / "good"), str(tmp_path / "bad")]) == 2
+    line = capfd.readouterr().err
+    assert re.search(said, line) and str(tmp_path / "bad") in line and line.count("\n") == 1
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "{", "[{}]", "3", '{"setting": 3}', "\ufeff{}"])
+def test_compare_refuses_other_files(
+    text: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "results.json").write_text(text)
+    assert main(["compare", str(tmp_path), str(tmp_path)]) == 2
+    assert capfd.readouterr().err.count("\n") == 1

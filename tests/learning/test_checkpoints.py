@@ -1,6 +1,7 @@
 """Checkpoints that are damaged or from elsewhere, and states of other trainings."""
 
 import json
+import os
 import pickle
 import shutil
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from safetensors.torch import load_file, save_file
 
 from tests.learning.conftest import Walks
 from tests.learning.test_closed_loop import request
+from tests.security.hostile import put
 from vlnpe.evaluation.policy_registry import resolve_policy
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning.checkpoint import load_checkpoint
@@ -65,11 +67,64 @@ def not_finite(path: Path) -> None:
     path.with_suffix(".json").write_text(json.dumps(card))
 
 
+def card_with(**changes: str) -> Callable[[Path], None]:
+    """Return what puts JSON texts into a card."""
+
+    def change(path: Path) -> None:
+        place = path.with_suffix(".json")
+        card = json.loads(place.read_text()) | dict.fromkeys(changes, "?")
+        text = json.dumps(card)
+        for name, value in changes.items():
+            text = text.replace(f'"{name}": "?"', f'"{name}": {value}')
+        place.write_text(text)
+
+    return change
+
+
+def flipped(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+
+
+def sparse(path: Path) -> None:
+    os.truncate(path, 60 << 30)
+
+
+def valid_header_of_other_weights(path: Path) -> None:
+    save_file({"a": torch.zeros(3)}, path)
+    digest = sha256(path.read_bytes()).hexdigest()
+    card_with(weights_sha256=f'"{digest}"')(path)
+
+
+def fresh(path: Path) -> Path:
+    path.unlink()
+    return path
+
+
 @pytest.mark.parametrize(
     ("damage", "reason"),
     [
         (cut, "damaged"),
         (no_weights, "damaged"),
+        (sparse, "is too large"),
+        (flipped, "damaged"),
+        (lambda path: path.with_suffix(".json").write_text("[" * 100_000), "nested too deeply"),
+        (lambda path: put("a Git LFS pointer", fresh(path)), "git lfs pull"),
+        (lambda path: put("a FIFO", fresh(path)), "is a FIFO"),
+        (lambda path: put("a FIFO", fresh(path.with_suffix(".json"))), "is a FIFO"),
+        (card_with(seed="1e400"), "seed"),
+        (card_with(steps='"many"'), "steps"),
+        (card_with(robots="3"), "robots"),
+        (card_with(data="[3]"), "data"),
+        (card_with(view="[]"), "not the card of a checkpoint"),
+        (card_with(view='{"width_px": null}'), "width_px"),
+        (card_with(config='{"model": {"hidden": 8000000000000}}'), "hidden 8000000000000; valid"),
+        (card_with(config='{"model": {"hidden": 8e12}}'), "hidden"),
+        (card_with(config='{"model": {"layers": 1000000000}}'), "layers"),
+        (card_with(config='{"model": {"channels": [9000000000]}}'), "channels"),
+        (valid_header_of_other_weights, "unexpected weights"),
+        (card_with(config='{"model": {"hidden": 8192, "words": 4096}}'), "unexpected weights"),
         (no_card, "card"),
         (other_version, "card version 99; valid: 1"),
         (no_words, "vocabulary"),
@@ -88,6 +143,9 @@ def test_damaged_checkpoints_are_refused_by_name(
     with pytest.raises(FileFormatError, match=reason) as caught:
         load_checkpoint(path)
     assert caught.value.path.stem == path.stem
+    # `vlnpe evaluate` asks for this first: exit 2, and no item of an episode.
+    with pytest.raises(InputError):
+        resolve_policy(str(path)).identity()
 
 
 def test_the_registry_knows_checkpoints_by_their_content(trained: Path, tmp_path: Path) -> None:
@@ -97,7 +155,7 @@ def test_the_registry_knows_checkpoints_by_their_content(trained: Path, tmp_path
     for suffix in (".safetensors", ".json"):
         shutil.copy(trained.with_suffix(suffix), tmp_path)
     assert resolve_policy(str(copy)).identity() == before
-    other_version(copy)
+    card_with(start='"other weights"')(copy)
     assert resolve_policy(str(copy)).identity() != before
     with pytest.raises(InputError, match="no such file"):
         resolve_policy("nowhere.safetensors")
