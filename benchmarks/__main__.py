@@ -30,7 +30,6 @@ from benchmarks import (
 )
 from benchmarks.fuzz import report as fuzz
 from benchmarks.throughput import page as throughput
-from benchmarks.writing import obvious, write
 from vlnpe.formats.core.errors import did_you_mean
 from vlnpe.formats.core.threads import available_cores
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
@@ -42,12 +41,10 @@ PAGE = ROOT / "benchmarks" / "README.md"
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "chain": chain.report,
     "throughput": throughput.report,
-    "obvious": lambda run: obvious.report(runs(run)[-1]),
     "memory": memory.report,
     "physics": lambda run: physics.report(scenes(run)),
     "labels": lambda run: labels.report(scenes(run)),
     "render": lambda run: render.report(runs(run)),
-    "write": write.report,
     "mcap": mcap.report,
     "load": load.report,
     "training": training.report,

@@ -4,13 +4,16 @@
 ledger: CPU seconds as measured inside the workers, bytes and files as recorded in the manifest.
 """
 
+import resource
 import tempfile
 import time
 from collections import Counter, defaultdict
+from collections.abc import Callable
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from benchmarks import chain, merge
+from benchmarks import chain
 from vlnpe.pipeline.engine.files import FileRecord
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger, Row
 
@@ -19,7 +22,6 @@ ROBOTS = ("aliengo", "h1", "g1", "jetbot")
 PER_EPISODE = ("replay", "render", "export", "mcap", "dataset")
 ROWS = (10_000, 100_000, 1_000_000)
 ADDED = 500  # rows whose journal lines are timed
-UNITS = (250, 1_000)
 
 
 def report(run: Path) -> str:
@@ -41,11 +43,7 @@ def report(run: Path) -> str:
         "",
         "| rows | add ms a row | save s | open s | manifest MB | peak MB |",
         "| ---: | ---: | ---: | ---: | ---: | ---: |",
-        *(merge.line(*merge.apart(manifest_cost, count)) for count in ROWS),
-        "",
-        "Joining units into one LeRobot dataset:",
-        "",
-        *merge.table(merge.first_unit(where), UNITS),
+        *(line(*apart(manifest_cost, count)) for count in ROWS),
     ]
     return "\n".join(lines) + "\n"
 
@@ -111,5 +109,19 @@ def manifest_cost(count: int) -> tuple[Any, ...]:
         f"{saved - kept:.1f}",
         f"{opened - saved:.1f}",
         f"{size:.0f}",
-        f"{merge.peak_mb():.0f}",
+        f"{peak_mb():.0f}",
     )
+
+
+def apart(function: Callable[..., tuple[Any, ...]], *arguments: Any) -> tuple[Any, ...]:
+    """Call in a separate process, so that its peak memory is that of the call alone."""
+    with get_context("spawn").Pool(1) as pool:
+        return pool.apply(function, arguments)
+
+
+def line(*cells: Any) -> str:
+    return "| " + " | ".join(str(cell) for cell in cells) + " |"
+
+
+def peak_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024

@@ -1,65 +1,43 @@
-"""Drive a robot by your own policy: python examples/own_policy.py SCENE EPISODES.
+"""Serve your own policy to `vlnpe evaluate`: python examples/own_policy.py [PORT].
 
-A policy here is a controller: poses in, velocity commands out. It sees no images.
+    python examples/own_policy.py 8765 &
+    vlnpe evaluate runs/apartment-0 --robot aliengo --policy ws://127.0.0.1:8765
+
+It may run in its own environment or on another machine: instead of installing vlnpe, copy
+`evaluation/server.py`, which needs numpy, msgpack and websockets.
 """
 
-import math
 import sys
-from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from vlnpe.collectors.controllers import CONTROLLERS, STOPPED, ControllerEntry, Decision, Pose, Task
-from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
-from vlnpe.formats.scene.bundle import load_bundle
-from vlnpe.formats.vlnce.files import read_episodes
+from vlnpe.evaluation.server import serve
+
+FORWARD, LEFT = 1, 2
+STOP = 0
 
 
-@dataclass(frozen=True)
-class BeelineConfig:
-    """Settings of the policy."""
+class KeepClear:
+    """Walk ahead while there is room, else turn left; put your model in the place of this."""
 
-    speed_m_s: float = 0.4
-    turn_gain_per_s: float = 1.5
+    images = True
+    version = "keep-clear 1"  # results are reused for the same version only
 
+    def reset(self, episode: dict[str, Any]) -> None:
+        """Begin an episode; `episode` has the instruction, the robot, and the kind of actions."""
+        self.said = f"told: {episode['instruction']}"
 
-class Beeline:
-    """Head straight for the goal, whatever stands in the way."""
-
-    rate_hz = 10
-
-    def __init__(self, task: Task, config: BeelineConfig) -> None:
-        self._task, self._config = task, config
-        steps_m = np.linalg.norm(np.diff(task.reference_xy_m, axis=0), axis=1)
-        self.nominal_s = float(steps_m.sum()) / config.speed_m_s + 5.0
-
-    def step(self, time_s: float, pose: Pose) -> Decision:
-        dx, dy = self._task.goal_xy_m - (pose.x_m, pose.y_m)
-        if math.hypot(dx, dy) < self._task.goal_tolerance_m / 2:
-            return Decision(STOPPED, done=True)
-        off_rad = math.remainder(math.atan2(dy, dx) - pose.yaw_rad, math.tau)
-        forward = self._config.speed_m_s * max(math.cos(off_rad), 0.0)
-        command = np.array([forward, 0.0, self._config.turn_gain_per_s * off_rad])
-        vx, vy, yaw = self._task.limits.clip(command)
-        return Decision((float(vx), float(vy), float(yaw)))
-
-
-@dataclass(frozen=True)
-class BeelineReplay(ReplayConfig):
-    """A replay that knows the settings of `beeline`: the field is named like the controller."""
-
-    beeline: BeelineConfig = field(default_factory=BeelineConfig)
-
-
-def main(scene: Path, episodes: Path, robot: str = "jetbot") -> None:
-    CONTROLLERS["beeline"] = ControllerEntry("straight to the goal", BeelineConfig, Beeline)
-    bundle = load_bundle(scene)
-    for episode in read_episodes(episodes):
-        config = BeelineReplay(robot=robot, controller="beeline")
-        rollout = replay_episode(bundle, episode, config)
-        print(f"{episode.episode_id}: {rollout.end_reason}, {rollout.time_s[-1]:.1f} s")
+    def act(self, observation: dict[str, Any]) -> int:
+        """Return the next action; `rgb` is (H, W, 3) uint8, `depth_m` (H, W) float32 [m]."""
+        if observation["step"] >= 30:
+            return STOP
+        depth_m = observation["depth_m"]
+        height, width = depth_m.shape
+        ahead = depth_m[height // 3 : height // 2, width // 3 : -width // 3]
+        seen = ahead[ahead > 0]  # 0: nothing measured
+        return FORWARD if np.size(seen) and np.median(seen) > 1.0 else LEFT
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    serve(KeepClear, port=int(sys.argv[1]) if len(sys.argv) > 1 else 8765)

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.support.scenes.rooms import write_two_rooms
+from tests.support.signals import let_children_have_defaults
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
 from vlnpe.pipeline.engine.executors.attempts import keep_mujoco_from_writing
@@ -18,6 +19,7 @@ from vlnpe.pipeline.engine.executors.attempts import keep_mujoco_from_writing
 # Speed belongs to benchmarks: a busy machine must not fail a test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("busy")
+let_children_have_defaults()
 
 SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 

@@ -1,17 +1,22 @@
 """The scripts in `examples/` run unchanged."""
 
 import runpy
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from tests.support.episodes import episode_along
 from tests.support.rollouts import make_rollout
 from vlnpe.collectors.controllers import CONTROLLERS
+from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policy import Assignment
+from vlnpe.evaluation.remote import RemotePolicy
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes
@@ -57,14 +62,31 @@ def test_own_robot(run: Run, tmp_path: Path) -> None:
     assert "myrobot: My own robot" in run("own_robot.py", tmp_path / "myrobot")
 
 
-def test_own_policy_reaches_a_goal_in_the_same_room(
+def test_own_policy_answers_over_a_socket(tmp_path: Path) -> None:
+    script = [sys.executable, str(EXAMPLES / "own_policy.py"), "0"]
+    with subprocess.Popen(script, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            policy = RemotePolicy(server.stdout.readline().split()[-1])
+            policy.reset(Assignment("e1", "house", "Go on.", "aliengo", "speed"))
+            for step, depth_m, action in ((0, 3.0, 1), (1, 0.5, 2), (2, 0.0, 2), (30, 3.0, 0)):
+                rgb, depth = np.zeros((6, 6, 3), np.uint8), np.full((6, 6), depth_m, np.float32)
+                state = (np.zeros(3), np.zeros(33), -1, step)
+                assert policy.act(Observation(rgb, depth, "Go on.", *state)) == action
+            assert policy.version == "keep-clear 1" and policy.said[0] == "told: Go on."
+            policy.close()
+        finally:
+            server.kill()
+
+
+def test_own_controller_reaches_a_goal_in_the_same_room(
     run: Run, two_rooms: SceneBundle, tmp_path: Path
 ) -> None:
     path = plan_path(two_rooms.freemap(0), (1.0, 1.0), (3.0, 2.0), 0.3)
     assert path is not None
     episode = replace(episode_along(path), start_yaw_rad=0.0)
     write_episodes(tmp_path / "episodes.json.gz", [episode])
-    text = run("own_policy.py", two_rooms.root, tmp_path / "episodes.json.gz")
+    text = run("own_controller.py", two_rooms.root, tmp_path / "episodes.json.gz")
     assert text.startswith("e0: success"), text
 
 

@@ -8,11 +8,9 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ...formats.core.atomic import atomic_file
+from ...formats.core.atomic import write_bytes
 
 log = logging.getLogger(__name__)
-
-_DIGEST_BYTES = hashlib.sha256().digest_size
 
 
 def model_bytes(model: mujoco.MjModel) -> bytes:
@@ -25,24 +23,31 @@ def model_bytes(model: mujoco.MjModel) -> bytes:
 def cached_model(path: Path, build: Callable[[], mujoco.MjModel]) -> mujoco.MjModel:
     """Return the model in `path`, or build it and keep it there.
 
-    A damaged file is replaced. MuJoCo may crash on a damaged model, so a digest in front of the
-    model is checked before it is read.
+    A damaged file is replaced. MuJoCo may crash on a damaged model, so the digest beside it, as
+    `sha256sum` writes it, is checked before it is read.
     """
     model = _read(path)
     if model is None:
         model = build()
         content = model_bytes(model)
-        with atomic_file(path) as temporary:
-            temporary.write_bytes(hashlib.sha256(content).digest() + content)
+        write_bytes(_digest_path(path), _digest_line(path, content))
+        write_bytes(path, content)
     return model
 
 
 def _read(path: Path) -> mujoco.MjModel | None:
     if not path.is_file():
         return None
-    stored = path.read_bytes()
-    digest, content = stored[:_DIGEST_BYTES], stored[_DIGEST_BYTES:]
-    if hashlib.sha256(content).digest() != digest:
+    content, beside = path.read_bytes(), _digest_path(path)
+    if not beside.is_file() or beside.read_bytes() != _digest_line(path, content):
         log.warning("%s is damaged; the model is compiled again", path)
         return None
     return mujoco.MjModel.from_binary_path("model.mjb", assets={"model.mjb": content})
+
+
+def _digest_path(path: Path) -> Path:
+    return path.with_name(f"{path.name}.sha256")
+
+
+def _digest_line(path: Path, content: bytes) -> bytes:
+    return f"{hashlib.sha256(content).hexdigest()}  {path.name}\n".encode()

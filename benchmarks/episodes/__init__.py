@@ -1,1 +1,0 @@
-"""How fast episodes are read, sampled and divided."""

@@ -1,1 +1,0 @@
-"""Writing LeRobot's format: by LeRobot itself, by the obvious script, and by vlnpe."""
