@@ -186,8 +186,9 @@ def test_parts_that_spare_each_other_do_so_in_a_scene_as_well(two_rooms: SceneBu
 def test_the_cache_gives_the_same_model(two_rooms: SceneBundle, tmp_path: Path) -> None:
     robot = make_cart()
     built = level_model(two_rooms, 0, robot, cache_dir=tmp_path)
-    files = list(tmp_path.glob("*.mjb"))
-    assert len(files) == 1
+    (file,) = tmp_path.glob("*.mjb")
+    opened = mujoco.MjModel.from_binary_path(str(file))
+    assert model_bytes(opened) == model_bytes(built) == file.read_bytes()
     cached = level_model(two_rooms, 0, robot, cache_dir=tmp_path)
     for name in ("geom_pos", "geom_size", "body_mass", "jnt_range", "geom_contype"):
         assert np.array_equal(getattr(built, name), getattr(cached, name))
@@ -196,7 +197,7 @@ def test_the_cache_gives_the_same_model(two_rooms: SceneBundle, tmp_path: Path) 
     assert len(list(tmp_path.glob("*.mjb"))) == 2
 
 
-@pytest.mark.parametrize("damage", ["cut", "flipped", "empty"])
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "digest"])
 def test_a_damaged_cache_is_rebuilt(
     two_rooms: SceneBundle, tmp_path: Path, damage: str, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -206,7 +207,10 @@ def test_a_damaged_cache_is_rebuilt(
     good = path.read_bytes()
     bad = bytearray(good)
     bad[len(bad) // 2] ^= 0x10
-    path.write_bytes({"cut": good[: len(good) // 3], "flipped": bytes(bad), "empty": b""}[damage])
+    damaged = {"cut": good[: len(good) // 3], "flipped": bytes(bad), "empty": b"", "digest": good}
+    path.write_bytes(damaged[damage])
+    if damage == "digest":
+        path.with_name(f"{path.name}.sha256").unlink()
     again = level_model(two_rooms, 0, robot, cache_dir=tmp_path)
     assert model_bytes(again) == model_bytes(built)
     assert path.read_bytes() == good
@@ -231,7 +235,7 @@ def test_every_setting_that_shapes_the_model_has_its_own_cache(tmp_path: Path, c
             bundle = replace(bundle, scene_id="other")
     changed = level_model(bundle, 0, robot, config, cache)
     assert model_bytes(changed) == model_bytes(build_level_model(bundle, 0, robot, config))
-    assert len(list(cache.iterdir())) == 2
+    assert len(list(cache.glob("*.mjb"))) == 2
 
 
 def with_clock(spec: mujoco.MjSpec) -> mujoco.MjSpec:
