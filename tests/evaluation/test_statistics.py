@@ -4,6 +4,7 @@ import json
 import math
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -237,7 +238,7 @@ EPISODE = {"split": "val", "scene": "s", "episode": "1", "trajectory": "t", "con
 EPISODE |= {"metrics": METRICS}
 
 
-def metric(**changes: object) -> dict[str, object]:
+def metric(**changes: Any) -> dict[str, Any]:
     return EPISODE | {"metrics": METRICS | changes}
 
 
