@@ -237,7 +237,7 @@ def _sentences(
 
 
 _OPENED = 0.3
-_STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "halt", "come")
+_STANDING = ("at ", "once ", "when ", "as ", "stop", "wait", "come")
 
 
 _JOINTS = (", then ", " and ", ", then ", " and ")

@@ -8,7 +8,7 @@ TURN = (
     "make a {s} turn", "turn to your {s}",
 )  # fmt: skip
 SLIGHT = (
-    "bear {s}", "veer {s}", "take a slight {s}", "turn slightly {s}", "angle {s}",
+    "bear {s}", "veer {s}", "take a slight {s}", "turn slightly {s}",
     "bear slightly {s}", "veer to the {s}", "turn a little to the {s}",
 )  # fmt: skip
 SHARP = ("make a sharp {s}", "turn sharply {s}", "take a sharp {s}", "turn hard {s}")
@@ -49,7 +49,7 @@ TURN_ENTER = (
     "turn {s} and walk into {B}",
 )  # fmt: skip
 SLIGHT_ENTER = (
-    "bear {s} into {B}", "veer {s} into {B}", "bear {s} and enter {B}", "angle {s} into {B}",
+    "bear {s} into {B}", "veer {s} into {B}", "bear {s} and enter {B}",
 )  # fmt: skip
 TURN_ENTER_DOOR = (
     "go through the doorway on your {s} into {B}", "take the doorway on the {s} into {B}",
@@ -94,7 +94,7 @@ WALK_SHORT = (
     "walk forward a few steps", "go straight for a few steps", "take a few steps forward",
     "walk ahead a couple of metres", "go on for a couple of metres",
 )  # fmt: skip
-STOP = ("stop",) * 7 + ("wait",) * 3 + ("come to a stop", "halt")
+STOP = ("stop",) * 7 + ("wait",) * 3 + ("come to a stop",)
 FRONT = (
     "in front of {X}", "just before {X}", "right in front of {X}", "before you reach {X}",
     "at {X}", "facing {X}", "when you reach {X}", "once you get to {X}",

@@ -21,6 +21,8 @@ from .settings import API_KEY, LlmSettings
 
 Messages = Sequence[dict[str, Any]]
 
+_SHORTEST_KEY = 8  # characters; a shorter value of the variable may occur in any text
+
 
 class ModelError(VlnpeError):
     """All tries failed: the model was not reached, or gave no usable answer."""
@@ -136,6 +138,9 @@ class Client:
             AnswerError: there is none; the reply is counted nevertheless.
         """
         try:
+            key = os.environ.get(API_KEY, "")
+            if len(key) >= _SHORTEST_KEY and key in reply.content:
+                raise AnswerError("an answer that contains the API key")
             answer = read_answer(reply.content, form)
             record = {"content": reply.content, "usage": asdict(reply.usage)}
             write_bytes(path, json.dumps(record).encode())

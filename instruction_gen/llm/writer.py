@@ -45,9 +45,13 @@ class ModelWriter:
         for language in self._config.languages:
             config = self._config
             styles = [config.styles[k % len(config.styles)] for k in range(config.count)]
-            good, missing = self._model_texts(ground, styles, language)
+            good, missing, error = self._model_texts(ground, styles, language)
+            if error and not good:
+                return [], [error]  # the composer's texts in its place would pass unnoticed
+            if language != "en" and not good:
+                return [], [f"no text in the language {language} passed its check"]
             texts = {one.text for one in (*written, *good)}
-            if missing:
+            if missing and language == "en":
                 composed, problems = compose_texts(ground, len(missing), missing, rng, texts)
                 self.replaced += len(composed)
                 good += [
@@ -59,17 +63,18 @@ class ModelWriter:
 
     def _model_texts(
         self, ground: Ground, styles: list[str], language: str
-    ) -> tuple[list[WrittenText], list[str]]:
-        """Return the model's true texts, and the styles in which it wrote none."""
+    ) -> tuple[list[WrittenText], list[str], str]:
+        """Return the model's true texts, the styles in which it wrote none, and its last error."""
         messages = first = first_messages(ground.facts, styles, language)
         good: list[WrittenText] = []
-        missing = styles
+        missing, reason = styles, ""
         for attempt in range(1 + REPAIRS):
             try:
                 answer = self._client.ask(messages)
             except ModelDownError:
                 raise
-            except ModelError:
+            except ModelError as error:
+                reason = str(error)
                 break
             failed: list[tuple[str, str, list[str]]] = []
             for text, style in zip(answer.instructions, missing, strict=False):
@@ -89,7 +94,7 @@ class ModelWriter:
             if not failed:
                 break
             messages = repair_messages(first, failed, attempt + 1)
-        return good, missing
+        return good, missing, reason
 
     def _problems(
         self, text: Text, language: str, ground: Ground, good: list[WrittenText]

@@ -62,7 +62,7 @@ def write_with(server, tmp_path, two_rooms, count=3, **others):
     writer = ModelWriter(client_of(server, tmp_path), config)
     ground = Ground(facts_of(LEFT, two_rooms))
     results, problems = writer(ground, np.random.default_rng(0))
-    assert not problems
+    assert bool(results) != bool(problems)
     return results, writer, ground
 
 
@@ -159,10 +159,10 @@ def test_a_model_that_repeats_itself_gives_one_text(two_rooms, tmp_path):
     "content",
     ["not json", '{"instructions": [', {"texts": []}, {"instructions": []}, "", "x" * 50_000],
 )
-def test_unusable_answers_end_with_the_composer(two_rooms, tmp_path, content):
+def test_unusable_answers_fail_the_path_and_no_other_writer_steps_in(two_rooms, tmp_path, content):
     with Server(lambda n, r: completion(content)).running() as server:
         results, _, _ = write_with(server, tmp_path, two_rooms)
-    assert {one.writer for one in results} == {"composer"}
+    assert results == []
     assert len(server.requests) == 4
 
 
@@ -427,13 +427,22 @@ def test_wrong_language_and_other_languages(two_rooms, tmp_path):
     chinese = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
     lying = "向前走，右转穿过门口进入厨房，然后在桌子旁边停下。"
     english = GOOD[0]
-    for text, writer in ((chinese, "llm"), (lying, "composer"), (GOOD[1], "composer")):
+    for text, writers in ((chinese, ["llm"]), (lying, []), (GOOD[1], [])):
         reply = completion(texts(text, language="zh", english=english))
         with Server(lambda n, r, reply=reply: reply).running() as server:
             results, _, _ = write_with(
                 server, tmp_path / str(hash(text)), two_rooms, count=1, languages=("zh",)
             )
-        assert [one.writer for one in results] == [writer]
+        assert [one.writer for one in results] == writers  # never English in its place
+
+
+def test_an_answer_with_the_key_is_neither_kept_nor_used(two_rooms, tmp_path):
+    answer = texts(f"{GOOD[0]} {KEY}", GOOD[0])
+    with Server(lambda n, r: completion(answer)).running() as server:
+        client = client_of(server, tmp_path, attempts=2)
+        with pytest.raises(ModelError, match="contains the API key"):
+            client.ask(ASK)
+    assert not any(KEY in file.read_text() for file in tmp_path.rglob("*") if file.is_file())
 
 
 def test_the_key_appears_nowhere(two_rooms, tmp_path, caplog, capsys):

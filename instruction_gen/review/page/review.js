@@ -24,9 +24,23 @@ function element(name, className, text) {
   return made;
 }
 
+// While a path loads, keys and buttons do nothing: they would judge the one before it.
+function busy(loading) {
+  state.loading = loading;
+  for (const button of document.querySelectorAll("nav button")) button.disabled = loading;
+}
+
 async function load(number) {
   const who = encodeURIComponent($("annotator").value.trim());
-  state.data = await call(`api/path?number=${number}&annotator=${who}`);
+  busy(true);
+  try {
+    state.data = await call(`api/path?number=${number}&annotator=${who}`);
+  } catch (error) {
+    say(String(error.message));
+    return;
+  } finally {
+    busy(false);
+  }
   state.number = state.data.number;
   state.text = Math.min(state.text, state.data.texts.length - 1);
   state.mode = "";
@@ -49,6 +63,9 @@ function show() {
 
 function card(text, number) {
   const box = element("div", `text ${text.own}` + (number === state.text ? " current" : ""));
+  box.tabIndex = 0;
+  box.setAttribute("aria-current", number === state.text);
+  box.onfocus = () => { if (!state.mode && state.text !== number) { state.text = number; show(); $("texts").children[number].focus(); } };
   box.onclick = () => { if (state.text !== number) { state.text = number; state.mode = ""; show(); } };
   if (number === state.text && state.mode === "edit") {
     const area = element("textarea", "");
@@ -104,25 +121,35 @@ function card(text, number) {
 async function decide(action, more) {
   const annotator = $("annotator").value.trim();
   if (!annotator) { say("your name first, please"); $("annotator").focus(); return; }
+  if (state.loading) return;
+  busy(true);
   try {
     await call("api/decide", { annotator, path: state.data.name, number: state.text, action, ...more });
     say(`${action}: kept`);
     await load(state.number);
-  } catch (error) { say(String(error.message)); }
+  } catch (error) { say(String(error.message)); } finally { busy(false); }
 }
 
+for (const button of document.querySelectorAll("nav button")) button.onclick = () => press(button.dataset.key);
 document.addEventListener("keydown", (event) => {
   if (event.target.tagName === "INPUT" || event.target.tagName === "TEXTAREA") return;
-  const key = event.key;
+  if (event.target.tagName === "BUTTON" && (event.key === " " || event.key === "Enter")) return;
+  if (press(event.key)) event.preventDefault();
+});
+
+/* Do what a key says; return whether the browser must not. */
+function press(key) {
+  if (state.loading || !state.data) return false;
   if (key >= "1" && key <= "9" && state.data && +key <= state.data.texts.length) { state.text = +key - 1; state.mode = ""; show(); }
   else if (key === "a") decide("accept", {});
-  else if (key === "e") { state.mode = "edit"; show(); event.preventDefault(); }
-  else if (key === "r") { state.mode = "reject"; show(); event.preventDefault(); }
+  else if (key === "e") { state.mode = "edit"; show(); return true; }
+  else if (key === "r") { state.mode = "reject"; show(); return true; }
   else if (key === "u") decide("undo", {});
   else if (key === "n") { state.text = 0; load(state.number + 1); }
   else if (key === "p") { state.text = 0; load(state.number + state.data.paths - 1); }
-  else if (key === " ") { play(); event.preventDefault(); }
-});
+  else if (key === " ") { play(); return true; }
+  return false;
+}
 $("annotator").onchange = () => load(state.number);
 
 let frame = 0;
