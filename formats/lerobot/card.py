@@ -12,6 +12,7 @@ from ..core.camera import CameraModel
 from ..core.frames import quat_to_matrix
 from ..core.licences import hub_licence, licence_id
 from ..scene.bundle import UNSOUND
+from ..video.depth_codes import SHIFT_M
 from .layout import DEPTH_KEY
 from .usage import POLICIES, loading_code, training_command
 
@@ -248,7 +249,12 @@ def _features(info: Mapping[str, Any]) -> str:
 def _depth(info: Mapping[str, Any]) -> str:
     if info["features"][DEPTH_KEY]["dtype"] == "image":
         return "Images hold whole millimetres."
-    return "Videos hold 12-bit logarithmic codes, without further loss."
+    return (
+        "Videos hold 12-bit codes c without further loss: z = s ((f + s) / s)^(c / 4095) − s with\n"
+        f"  s = {SHIFT_M} m and f = {info['features'][DEPTH_KEY]['info']['video.depth_max']} m. "
+        "Readers that give 8 bits in silence (decord, OpenCV, torchvision)\n"
+        "  lose up to 16 cm: read `gray12le`, e.g. with PyAV."
+    )
 
 
 def _licences(facts: CardFacts, licences: Mapping[str, str]) -> str:

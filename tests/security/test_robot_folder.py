@@ -136,6 +136,13 @@ ATTACKS = {
         "valid: up to 8192",
     ),
     "memory": (insert('<size memory="500G"/>'), "remove <size>"),
+    "a URDF": (
+        lambda f: (f / "model.xml").write_text(
+            '<robot name="go2"><mujoco><compiler meshdir="../m"/></mujoco></robot>'
+        ),
+        "is a URDF; valid: MJCF.*link `world`.*floating",
+    ),
+    "an SDF": (lambda f: (f / "model.xml").write_text("<sdf/>"), "begins with 'sdf'; valid: MJCF"),
     "NaN mass": (insert('<geom size=".1" mass="nan"/>', "<camera"), "<geom mass='nan'> .*finite"),
     "infinite mass": (insert('<geom size=".1" mass="inf"/>', "<camera"), "not finite"),
     "NaN inertia": (

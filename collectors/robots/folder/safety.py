@@ -67,8 +67,17 @@ def check_model(path: Path) -> None:
     """Check an MJCF file and all files that it includes.
 
     Raises:
-        FileFormatError: a path leads out of the folder, or the model is too large.
+        FileFormatError: it is no MJCF, a path leads out of the folder, or the model is too large.
     """
+    kind = _parsed(path).tag
+    if kind != "mujoco":
+        what = "is a URDF" if kind == "robot" else f"begins with {brief(kind)}"
+        raise FileFormatError(
+            path,
+            f"{what}; valid: MJCF (<mujoco>). MuJoCo converts a URDF: attach its base link to a "
+            "link `world` by a joint of type `floating`, open it and save it as MJCF "
+            "(docs/reference/robots.md)",
+        )
     count = _Checker(path.parent).count(path, path.name)
     if count > MAX_ELEMENTS:
         raise FileFormatError(
