@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from tests.support.scenes import damage
+from vlnpe.formats.core.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -267,6 +268,87 @@ def _arrays(folder: Path) -> Target:
     return Target([stream.getvalue()], _file(folder / "a.npz", read_arrays))
 
 
+def _splats(suffix: str) -> Callable[[Path], Target]:
+    def target(folder: Path) -> Target:
+        from tests.support.scenes.splats import random_cloud
+        from vlnpe.formats.splats.ply import write_ply_splats
+        from vlnpe.formats.splats.read import read_splats
+
+        cloud = random_cloud(np.random.default_rng(0), 4, 1)
+        write_ply_splats(folder / "seed.ply", cloud)
+        seeds = {
+            "ply": (folder / "seed.ply").read_bytes(),
+            "splat": np.random.default_rng(0).integers(1, 255, 128, np.uint8).tobytes(),
+        }
+        return Target([seeds[suffix]], _file(folder / f"a.{suffix}", read_splats))
+
+    return target
+
+
+def _policy_card(folder: Path) -> Target:
+    from vlnpe.evaluation.policy_registry import shipped_policies
+    from vlnpe.learning.card import read_card
+
+    seed = json.loads(shipped_policies()["cma"].with_suffix(".json").read_text())
+    seed |= {"words": seed["words"][:4], "curves": seed["curves"][:1]}
+    card = _file(folder / "a.json", lambda path: read_card(path.with_suffix(".safetensors")))
+    return Target([json.dumps(seed).encode()], card)
+
+
+def _results(folder: Path) -> Target:
+    from tests.evaluation.test_statistics import EPISODE
+    from vlnpe.evaluation.results import compare, read_results
+
+    good = {"format": "vlnpe-results/1", "setting": {"gait_sha256": "a"}, "episodes": [EPISODE]}
+
+    def read(path: Path) -> None:
+        compare(good, read_results(path), ("good", "a"))
+
+    return Target([json.dumps(good).encode()], _file(folder / "results.json", read))
+
+
+def _hello(folder: Path) -> Target:
+    from vlnpe.evaluation.server import decode, encode
+
+    hello = {"protocol": "vlnpe-policy/1", "images": True, "version": "a", "a": np.zeros(3)}
+    return Target([encode(hello)], _typed(decode))
+
+
+def _reply(folder: Path) -> Target:
+    from openai.types.chat import ChatCompletion
+
+    from vlnpe.instruction_gen.llm.answers import Answer, read_answer
+    from vlnpe.instruction_gen.llm.reply import ReplyError, content_of, usage_of
+    from vlnpe.instruction_gen.llm.settings import LlmSettings
+
+    text = json.dumps({"instructions": [{"style": "terse", "text": "Go on."}]})
+    usage = {"prompt_tokens": 5, "completion_tokens": 7, "cost": 0.1}
+    seed = {"choices": [{"message": {"role": "assistant", "content": text}}], "usage": usage}
+
+    def read(data: bytes) -> None:
+        value = json.loads(data)
+        if not isinstance(value, dict):
+            raise ValueError("no object")
+        done = ChatCompletion.construct(**{k: v for k, v in value.items() if k[:1] != "_"})
+        used = usage_of(done, LlmSettings(), [{"content": "hello"}])
+        assert used.tokens_in >= 0 and used.tokens_out >= 0 and used.cost >= 0, used
+        read_answer(content_of(done), Answer)
+
+    return Target([json.dumps(seed).encode()], _typed(read, ReplyError, RecursionError))
+
+
+def _typed(read: Callable[[bytes], object], *others: type[Exception]) -> Callable[[bytes], object]:
+    """Return `read` with the errors that its callers expect as typed ones."""
+
+    def typed(data: bytes) -> object:
+        try:
+            return read(data)
+        except (ValueError, *others) as error:
+            raise InputError(" ".join(str(error).split())[:200]) from error
+
+    return typed
+
+
 TARGETS: dict[str, Callable[[Path], Target]] = {
     "glb": _scan("glb"),
     "gltf": _gltf,
@@ -289,6 +371,12 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
     "robot-card": _card,
     "mcap": _mcap,
     "npz": _arrays,
+    "splats-ply": _splats("ply"),
+    "splats-splat": _splats("splat"),
+    "policy-card": _policy_card,
+    "results": _results,
+    "hello": _hello,
+    "reply": _reply,
     "lerobot-info": _lerobot("meta/info.json"),
     "lerobot-episodes": _lerobot("meta/episodes/*/*.parquet"),
     "lerobot-rows": _lerobot("data/*/*.parquet"),

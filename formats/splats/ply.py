@@ -47,11 +47,12 @@ def read_ply_splats(path: Path) -> GaussianCloud:
 
 def _read_plain(path: Path, header: PlyHeader, licence: str) -> GaussianCloud:
     names = header.elements["vertex"].properties
-    missing = [name for name in SPLAT_PROPERTIES if name not in names]
-    if missing:
-        raise FileFormatError(path, f"its splats lack the properties {', '.join(missing)}")
     rest = sum(name.startswith("f_rest_") for name in names)
     degree = _degree(path, rest)
+    needed = [*SPLAT_PROPERTIES, *(f"f_rest_{k}" for k in range(rest))]
+    missing = [name for name in needed if name not in names]
+    if missing:
+        raise FileFormatError(path, f"its splats lack the properties {', '.join(missing)}")
     check_count(path, header.elements["vertex"].count, degree)
     rows = ply_rows(path, header, "vertex")
 

@@ -45,6 +45,16 @@ def test_ply_of_every_degree(degree: int, tmp_path: Path) -> None:
             assert np.allclose(column, cloud.harmonics[:, 1 + k, channel])
 
 
+@pytest.mark.parametrize("name", ["f_rest_3", "f_rest_0", "opacity", "rot_2"])
+def test_a_ply_without_one_of_its_properties_is_refused_by_name(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    write_ply_splats(path, random_cloud(np.random.default_rng(0), 4, 1))
+    other = f"{name[:-1]}x".encode()
+    path.write_bytes(path.read_bytes().replace(f"{name}\n".encode(), other + b"\n"))
+    with pytest.raises(FileFormatError, match=f"lack the properties {name}$"):
+        read_splats(path)
+
+
 def test_ply_agrees_with_open3d(tmp_path: Path) -> None:
     open3d = pytest.importorskip("open3d", exc_type=ImportError)
     cloud = random_cloud(np.random.default_rng(0), 50, 1)
