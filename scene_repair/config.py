@@ -32,6 +32,9 @@ class RepairConfig:
         max_texture_px: larger textures are scaled down.
         patch_texel_m: texel size of the floor painted into holes; coarser over large levels.
         picture_px: width of the before and after pictures.
+        allow_roof: also make levels of floors under the open sky that no stairs lead to.
+        floor_m: world height at which a floor is laid inside the walls; None = none.
+        exclude: parts of the scan to leave out, by name or pattern.
         collision: path of a mesh to take as the surface of Gaussian splats; empty = fuse one.
     """
 
@@ -52,6 +55,9 @@ class RepairConfig:
     max_texture_px: int = 4096
     patch_texel_m: float = 0.005
     picture_px: int = 1400
+    allow_roof: bool = False
+    floor_m: float | None = None
+    exclude: tuple[str, ...] = ()
     collision: str = ""
 
     def __post_init__(self) -> None:

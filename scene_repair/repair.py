@@ -14,6 +14,7 @@ from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision
 from .config import RepairConfig
+from .floor.lay import with_floor
 from .floor.levels import ScannedFloor, averted_faces, ceilings_in_floors, find_levels
 from .floor.repair_level import RepairedFloor, repair_floor
 from .floor.surfaces import find_surfaces
@@ -25,6 +26,7 @@ from .orient.bounds import robust_bounds
 from .orient.transform import orient
 from .scan.dispatch import read_scan
 from .scan.files import licence_beside
+from .scan.left_out import without_parts
 from .scan.record import Scan, ScanObject
 from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
@@ -88,7 +90,7 @@ def repair_scene(
     config = config or RepairConfig()
     report = progress or log.info
     source = Path(source)
-    scan = read(source, config, report)
+    scan = without_parts(read(source, config, report), config.exclude)
     scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
     way = orient(scan, config)
@@ -97,10 +99,12 @@ def repair_scene(
         f"up {way.evidence['up']} ({way.evidence['up_reason']}), "
         f"unit {way.evidence['unit']} ({way.evidence['unit_reason']})"
     )
+    if config.floor_m is not None:
+        scan = with_floor(scan, way.source_to_world, config.floor_m)
     original = WorldMesh.of(scan, way.source_to_world)
     coarse, fine = _grids(original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
-    found, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
+    found, notes, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
     floors = _repair_floors(scan, clear, found, ignore, config, report)
     mesh = floors[-1].mesh
@@ -123,6 +127,7 @@ def repair_scene(
         probes=[record for _, record in probed],
         visual=visual,
         labels=labels,
+        notes=notes,
     )
     return write_scene(repaired, out_dir, config)
 
@@ -139,7 +144,7 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
     if cells > MAX_CELLS:
         raise SceneError(
             f"the scene covers {cells:,} cells of {config.cell_m} m; valid: up to {MAX_CELLS:,} "
-            "(cut it into parts)"
+            "(cut it into parts, or leave some out: --exclude NAME)"
         )
     factor = math.ceil(config.cell_m / config.fine_m - 1e-9)
     while factor > 1 and cells * factor**2 > MAX_CELLS:
@@ -152,19 +157,19 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
 
 def _find_floors(
     mesh: WorldMesh, fine: GridSpec, ignore: NDArray[np.bool_], config: RepairConfig
-) -> tuple[list[ScannedFloor], NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return all levels' floors, faces (F,) that are no floor, and ceilings (F,) in floors."""
+) -> tuple[list[ScannedFloor], list[str], NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return the levels' floors, doubts, faces (F,) that are no floor, ceilings (F,) in floors."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    found = find_levels(surfaces, columns, mesh, config)
+    found, notes = find_levels(surfaces, columns, mesh, config)
     averted = averted_faces(found, columns, up)
     if not averted.any():
-        return found, ignore, averted
+        return found, notes, ignore, averted
     ignore = ignore | averted
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    found = find_levels(surfaces, columns, mesh, config)
-    return found, ignore, ceilings_in_floors(found, columns, averted)
+    found, notes = find_levels(surfaces, columns, mesh, config)
+    return found, notes, ignore, ceilings_in_floors(found, columns, averted)
 
 
 def _repair_floors(

@@ -10,7 +10,6 @@ from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides
-from ...scene_repair.config import RepairConfig
 from ...scene_repair.scan.files import SUFFIXES
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
@@ -75,7 +74,7 @@ def run(options: Collect) -> int:
         instructing = replace(instructing, count=plan.instructions)
     rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
     collision = str(options.collision.resolve()) if options.collision else ""
-    repairing = RepairConfig(up=options.up, unit=options.unit, collision=collision)
+    repairing = options.repair_config(collision=collision)
     with open_context(
         options.out or Path("runs") / _run_name(options, sources), options
     ) as context:

@@ -1,7 +1,6 @@
 """Commands that make scenes: `scan`, `repair`."""
 
 from ...formats.core.errors import InputError
-from ...scene_repair.config import RepairConfig
 from ..engine.context import run_single
 from ..inputs.builtin import BuiltIn, check_kind
 from ..inputs.folders import refuse_to_replace
@@ -46,7 +45,7 @@ def run_repair(options: Repair) -> int:
     out = options.out.resolve()
     collision = str(options.collision.resolve()) if options.collision else ""
     # Later commands find a scene by its folder's name, and every generated scan is a scan.glb.
-    config = RepairConfig(up=options.up, unit=options.unit, scene_id=out.name, collision=collision)
+    config = options.repair_config(scene_id=out.name, collision=collision)
     item = repair.item(options.scan, out, config)
     refuse_to_replace(options.out, SCENE_NAMES)
     facts = run_single(out, repair.STAGE, item).facts

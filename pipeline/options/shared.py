@@ -5,6 +5,7 @@ from typing import Annotated
 
 import tyro
 
+from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 
 
@@ -33,6 +34,24 @@ class Orientation:
     unit: str = "auto"
     """Length unit of scans: m, cm, mm, in, ft, its length in metres (0.142857), or auto to detect
     it."""
+    exclude: tuple[str, ...] = ()
+    """Parts of a scan to leave out, by name or pattern (Sky 'Tree*'). A sky or ground that dwarfs
+    the building is left out by itself."""
+    floor: float | None = None
+    """Height [m] at which to lay a floor inside the walls of a building that has none."""
+    allow_roof: bool = False
+    """Also make levels of floors under the open sky that no stairs lead to."""
+
+    def repair_config(self, **more: str) -> RepairConfig:
+        """Return the options of the repair."""
+        return RepairConfig(
+            up=self.up,
+            unit=self.unit,
+            exclude=self.exclude,
+            floor_m=self.floor,
+            allow_roof=self.allow_roof,
+            **more,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

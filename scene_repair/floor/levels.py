@@ -1,42 +1,33 @@
-"""Find storeys: which horizontal surfaces are floors, and which floors belong together."""
+"""Find storeys: which floors belong together, and which of them are roofs."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
 from ..config import RepairConfig
 from ..grid.columns import Columns
-from ..grid.morphology import grow
-from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
+from .floor_parts import PITCH, FloorParts, measure_parts, walls_begin_m
 from .reference import without_pits
 from .surfaces import STANDING_M, Surfaces
 
 # Floors of one storey differ by less than this; storeys by more.
 STOREY_M = 1.5
-# A surface this far above a floor that surrounds it is furniture, unless it is large.
-FURNITURE_M = (0.15, 1.4)
-PLATFORM_M2 = 8.0
-# What lies this far around a surface decides whether a room is over or under it.
-AROUND_M = 0.3
-WALLS_ABOVE_SHARE = 0.5
-RISES_M = np.array([0.5, 1.0, 1.5])
-# Faces steeper than this are upright: a pitched roof must not pass for the walls over itself.
-UPRIGHT_NORMAL_Z = 0.8
-# A surface that rises by more than this over a length, in most of its places, is a roof; the
-# steepest ramps that people build rise by half as much.
-PITCH, PITCH_OVER_M = 0.2, 0.25
+# What has a ceiling or walls along this share is inside. The lowest storey needs neither.
+INSIDE_SHARE = 0.3
+# A parapet is this much of the walls under a roof.
+PARAPET_SHARE = 0.2
 # The winding of faces is trusted if this share of the floor agrees.
 ALIKE_SHARE = 0.7
 # Exporters that put a ceiling in the plane of the floor above are that exact.
 COPLANAR_M = 0.006
 # Pieces of floor too small to be judged by themselves lie this near to a floor's height.
 PIECE_M = 0.1
+# Surfaces whose reasons an error gives, largest first.
+SHOWN = 3
 
 
 @dataclass(frozen=True)
@@ -56,119 +47,100 @@ class ScannedFloor:
 
 def find_levels(
     surfaces: Surfaces, columns: Columns, mesh: WorldMesh, config: RepairConfig
-) -> list[ScannedFloor]:
-    """Return the floors of all storeys, lowest first.
+) -> tuple[list[ScannedFloor], list[str]]:
+    """Return the floors of all storeys, lowest first, and a line for each roof left out.
 
     Raises:
-        SceneError: nothing here can be stood on.
+        SceneError: nothing here can be stood on; gives the reason for each large surface.
     """
-    parts = _measure(surfaces, columns, mesh, config.min_floor_m2)
-    floors = [
-        p
-        for p in np.argsort(-parts.standing_m2)
-        if parts.standing_m2[p] >= config.min_floor_m2
-        and parts.pitch[p] <= PITCH
-        and parts.above[p] >= parts.below[p] * WALLS_ABOVE_SHARE
-        and not _is_furniture(int(p), surfaces, parts, columns.grid)
-    ]
+    parts = measure_parts(surfaces, columns, mesh, config.min_floor_m2)
+    reasons = [parts.why_no_floor(p, config.min_floor_m2) for p in range(surfaces.parts)]
+    floors = [int(p) for p in np.argsort(-parts.standing_m2, kind="stable") if not reasons[p]]
+    ceilings, roofs = _ceilings_and_roofs(floors, parts)
+    if config.allow_roof:
+        open_sky = {p for p in ceilings if parts.ceiled_share[p] < INSIDE_SHARE}
+        ceilings, roofs = ceilings - open_sky, set()
+    floors = [p for p in floors if p not in ceilings]
+    if not floors:
+        for p in ceilings:
+            reasons[p] = "has walls only under it, like a ceiling or a roof"
+        raise SceneError(_no_floor(parts, reasons, mesh))
     storeys: list[list[int]] = []
-    for p in floors:
+    for p in (p for p in floors if p not in roofs):
         for storey in storeys:
             if abs(parts.height_m[storey[0]] - parts.height_m[p]) < STOREY_M:
-                storey.append(int(p))
+                storey.append(p)
                 break
         else:
-            storeys.append([int(p)])
-    if not storeys:
-        largest = float(parts.standing_m2.max()) if surfaces.parts else 0.0
-        raise SceneError(
-            f"no floor found: the largest level surface with {STANDING_M} m of free height "
-            f"measures {largest:.2f} m²; valid: at least {config.min_floor_m2} m² (set --up or "
-            "--unit if the scan is turned or scaled wrongly)"
-        )
-    found = [_floor_of(storey, surfaces, parts, columns.grid) for storey in storeys]
-    return sorted(found, key=lambda floor: floor.floor_z_m)
+            storeys.append([p])
+    levels = [_floor_of(storey, surfaces, parts, columns.grid) for storey in storeys]
+    notes = [
+        f"{parts.standing_m2[p]:.1f} m² at {parts.height_m[p]:.2f} m are taken for a roof: neither "
+        "walls nor a ceiling stand over them, and no stairs lead there; --allow-roof makes them a "
+        "level"
+        for p in sorted(roofs, key=lambda p: parts.height_m[p])
+    ]
+    return sorted(levels, key=lambda level: level.floor_z_m), notes
 
 
-@dataclass(frozen=True)
-class _Parts:
-    """Measures of each surface, all (parts,).
+def _ceilings_and_roofs(floors: list[int], parts: FloorParts) -> tuple[set[int], set[int]]:
+    """Return the surfaces among `floors` that no stairs lead to and that are no floors.
 
-    `above` and `below` count the cells in and around it through which upright surfaces pass over
-    and under it: a floor has a room's walls over it, a ceiling or a roof has them only under it.
-    `pitch` is the median rise over run, 0 if there is no standing room.
+    Returns:
+        Those that only have walls under them; and those above the lowest storey that are under the
+        open sky and without walls, or have no more than a parapet.
     """
-
-    area_m2: NDArray[np.float64]
-    standing_m2: NDArray[np.float64]
-    height_m: NDArray[np.float64]
-    above: NDArray[np.float64]
-    below: NDArray[np.float64]
-    pitch: NDArray[np.float64]
-
-
-def _measure(surfaces: Surfaces, columns: Columns, mesh: WorldMesh, min_floor_m2: float) -> _Parts:
-    grid, count = columns.grid, surfaces.parts
-    cell_m2 = grid.cell_m**2
-    area = np.bincount(surfaces.part, minlength=count) * cell_m2
-    standing = surfaces.clear_m >= STANDING_M
-    standing_m2 = np.bincount(surfaces.part, weights=standing, minlength=count) * cell_m2
-    # Without a single surface to stand on there is nothing to take a median of.
-    height: Any = ndimage.median(surfaces.z_m, surfaces.part, np.arange(count)) if count else []
-    above, below, pitch = np.zeros(count), np.zeros(count), np.zeros(count)
-    walls = mesh.faces[np.abs(mesh.normals[:, 2]) < UPRIGHT_NORMAL_Z]
-    reach = max(1, round(AROUND_M / grid.cell_m))
-    for p in np.flatnonzero(standing_m2 >= min_floor_m2):
-        selected = surfaces.part == p
-        z = np.full(grid.rows * grid.columns, np.nan)
-        z[surfaces.cell[selected]] = surfaces.z_m[selected]
-        z = z.reshape(grid.shape)
-        pitch[p] = _pitch(z, grid)
-        near = grow(np.isfinite(z), reach)
-        rises = np.concatenate([RISES_M, -RISES_M])
-        marks = slice_marks(mesh.vertices, walls, grid, height[p] + rises)[near]
-        upper = np.uint32((1 << len(RISES_M)) - 1)
-        above[p] = np.bitwise_count(marks & upper).sum()
-        below[p] = np.bitwise_count(marks & ~upper).sum()
-    standing_m2 = standing_m2.astype(np.float64)
-    return _Parts(area.astype(np.float64), standing_m2, np.asarray(height), above, below, pitch)
+    inside = [p for p in floors if not parts.over_walls(p)]
+    lowest = min((parts.height_m[p] for p in inside), default=0.0) + STOREY_M
+    sure = {
+        p
+        for p in inside
+        if parts.height_m[p] < lowest
+        or max(parts.ceiled_share[p], parts.walled_share[p]) >= INSIDE_SHARE
+    }
+    reached = {int(parts.stairs[p]) for p in sure}
+    others = {p for p in floors if p not in sure and int(parts.stairs[p]) not in reached}
+    parapets = {p for p in others if parts.above[p] > PARAPET_SHARE * parts.below[p] > 0}
+    ceilings = {p for p in others if parts.over_walls(p)}
+    return ceilings - parapets, (others - ceilings) | parapets
 
 
-def _pitch(z_m: NDArray[np.float64], grid: GridSpec) -> float:
-    """Return the median slope of a surface (rows, columns) with NaN outside it."""
-    run = max(1, round(PITCH_OVER_M / grid.cell_m))
-    along = z_m[run:, :-run] - z_m[:-run, :-run]
-    across = z_m[:-run, run:] - z_m[:-run, :-run]
-    slope = np.hypot(along, across) / (run * grid.cell_m)
-    known = np.isfinite(slope)
-    return float(np.median(slope[known])) if known.any() else 0.0
+def _no_floor(parts: FloorParts, reasons: list[str], mesh: WorldMesh) -> str:
+    """Return what is wrong with the largest level surfaces, and what may help."""
+    largest = [p for p in np.argsort(-parts.area_m2, kind="stable") if parts.area_m2[p] >= 0.01]
+    found = [
+        f"{parts.area_m2[p]:.2f} m² at {parts.height_m[p]:.2f} m {reasons[p]}"
+        for p in largest[:SHOWN]
+    ]
+    begin = walls_begin_m(mesh)
+    own = (
+        ""
+        if begin is None
+        else f"if the building has none of its own, lay one where its walls begin: --floor "
+        f"{begin:.2f}; "
+    )
+    return (
+        f"no floor found ({'; '.join(found) or 'no level surface'}; a floor needs "
+        f"{STANDING_M} m of free height): {own}set --up or --unit if the scan is turned or scaled "
+        "wrongly"
+    )
 
 
-def _is_furniture(p: int, surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> bool:
-    """Return whether a surface stands over a larger one around it at furniture height."""
-    if parts.area_m2[p] >= PLATFORM_M2:
-        return False
-    rise = parts.height_m[p] - parts.height_m
-    lower = (rise > FURNITURE_M[0]) & (rise < FURNITURE_M[1]) & (parts.area_m2 > parts.area_m2[p])
-    if not lower.any():
-        return False
-    mask = np.zeros(grid.rows * grid.columns, dtype=bool)
-    mask[surfaces.cell[surfaces.part == p]] = True
-    near = grow(mask.reshape(grid.shape), max(1, round(AROUND_M / grid.cell_m))).ravel()
-    return bool((near[surfaces.cell] & lower[surfaces.part]).any())
-
-
-def _floor_of(storey: list[int], surfaces: Surfaces, parts: _Parts, grid: GridSpec) -> ScannedFloor:
+def _floor_of(
+    storey: list[int], surfaces: Surfaces, parts: FloorParts, grid: GridSpec
+) -> ScannedFloor:
     """Combine a storey's floors and small pieces at their heights, seen between furniture."""
     heights = parts.height_m[storey]
     gap = np.abs(parts.height_m[:, None] - heights[None, :]).min(axis=1)
     chosen = (gap < PIECE_M) & (parts.pitch <= PITCH) & (parts.area_m2 >= 4 * grid.cell_m**2)
     chosen[storey] = True
-    selected = chosen[surfaces.part]
+    selected = np.flatnonzero(chosen[surfaces.part])
+    own = np.isin(surfaces.part[selected], storey)
     z = np.full(grid.rows * grid.columns, np.nan)
-    # Where several lie in one cell the lowest is the floor: it is written last.
-    order = np.argsort(-surfaces.z_m[selected], kind="stable")
-    z[surfaces.cell[selected][order]] = surfaces.z_m[selected][order]
+    # Where several lie in one cell the lowest is the floor: it is written last. Pieces count only
+    # where there is no floor: under it they are the underside of its slab.
+    order = selected[np.lexsort((-surfaces.z_m[selected], own))]
+    z[surfaces.cell[order]] = surfaces.z_m[order]
     z = without_pits(z.reshape(grid.shape), grid.cell_m)
     return ScannedFloor(grid, z, float(np.nanmedian(z)))
 

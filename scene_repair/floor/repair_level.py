@@ -16,19 +16,9 @@ from ..paint.floor_texture import paint_floor, uv_on
 from ..paint.materials import MaterialSampler
 from ..scan.record import ScanMaterial, ScanObject
 from .evidence import Evidence, gather_evidence
-from .fill_cells import (
-    cells_at,
-    cracked_cells,
-    floor_faces_of,
-    heights_beside,
-    heights_everywhere,
-    room_of_cells,
-    sloping_cells,
-    thin_gaps,
-    without_bridging,
-)
+from .fill_plan import cells_at, heights_everywhere, plan_fill
 from .flatten import Bump, flatten_bumps
-from .holes import Hole, find_holes, floors_run_under_walls
+from .holes import Hole, find_holes
 from .levels import ScannedFloor
 from .patch import Patch, build_patch
 from .patch_region import patch_region
@@ -105,16 +95,15 @@ def repair_floor(
         mesh, scanned, ignore=ignore, structure=structure, config=config
     )
     holes, passable = find_holes(evidence, fine)
-    everywhere = heights_everywhere(evidence, holes, fine)
-    fill, leave = _filled_and_left(evidence, holes, passable, fine)
+    plan = plan_fill(mesh, columns, evidence, holes=holes, passable=passable, ignore=ignore)
     height = np.where(evidence.covered, evidence.reference_m, np.nan)
-    height = np.where(evidence.covered & ~np.isfinite(height), everywhere, height)
+    height = np.where(evidence.covered & ~np.isfinite(height), plan.height_m, height)
     unpatched = RepairedFloor(
         mesh=mesh,
         materials=materials,
         objects=objects,
         fine=fine,
-        height_m=np.where(fill, everywhere, height),
+        height_m=np.where(plan.fill, plan.height_m, height),
         floor_z_m=scanned.floor_z_m,
         scanned=evidence.covered,
         scanned_faces=np.unique(evidence.face[evidence.covered]).astype(np.int64),
@@ -123,17 +112,17 @@ def repair_floor(
         patch_area_m2=0.0,
         cracks=[],
     )
-    floor_faces = floor_faces_of(mesh, everywhere, fine, ignore)
-    floor_faces = without_bridging(floor_faces, mesh, columns, everywhere, fill)
-    cracked = cracked_cells(mesh, floor_faces, fill | evidence.covered, fine)
-    wanted = fill | cracked | sloping_cells(evidence, floor_faces, fill, fine)
     region = patch_region(
-        mesh, fill=wanted, reach=~leave, wall=evidence.wall, grid=fine, floor_z_m=scanned.floor_z_m
+        mesh,
+        fill=plan.target,
+        reach=~plan.leave,
+        wall=evidence.wall,
+        grid=fine,
+        floor_z_m=scanned.floor_z_m,
     )
-    patch = build_patch(mesh, floor_faces, region, heights_beside(everywhere, wanted), fine)
+    patch = build_patch(mesh, plan.floor_faces, region, plan.patch_height_m, fine)
     if not patch.pieces:
         return unpatched
-    rooms = room_of_cells((evidence.covered | fill) & ~evidence.wall & ~passable, fine)
     outlines = np.concatenate([ring for piece in patch.pieces for ring in piece])
     joint = np.concatenate([mesh.vertices, patch.vertices])
     corners = np.zeros((len(patch.faces), 3, 2), np.float32)
@@ -141,9 +130,9 @@ def repair_floor(
     image, texels = paint_floor(
         mesh,
         MaterialSampler(materials),
-        floor_faces,
-        grow(fill | cells_at(outlines, fine) | (under >= 0), 2),
-        rooms,
+        plan.floor_faces,
+        grow(plan.fill | cells_at(outlines, fine) | (under >= 0), 2),
+        plan.rooms,
         fine,
         texel_m=config.patch_texel_m,
         max_px=config.max_texture_px,
@@ -171,23 +160,11 @@ def _flattened(
     )
     columns = sample_columns(mesh.vertices, mesh.faces, scanned.grid)
     evidence = evidence_of(mesh, columns, cover_m=config.bump_height_m)
-    everywhere = heights_everywhere(evidence, [], scanned.grid)
+    everywhere = heights_everywhere(evidence, np.zeros_like(evidence.covered), scanned.grid)
     mesh, bumps = flatten_bumps(mesh, columns, evidence, everywhere, config)
     if bumps:
         columns = sample_columns(mesh.vertices, mesh.faces, scanned.grid)
     return mesh, columns, evidence_of(mesh, columns), bumps
-
-
-def _filled_and_left(
-    evidence: Evidence, holes: list[Hole], passable: NDArray[np.bool_], fine: GridSpec
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return cells (rows, columns) that get a floor, and those of holes left open."""
-    fill = np.zeros(fine.shape, dtype=bool)
-    leave = np.zeros(fine.shape, dtype=bool)
-    for hole in holes:
-        (fill if hole.fill else leave)[hole.window] |= hole.cells
-    under = passable | evidence.wall if floors_run_under_walls(evidence, fine) else passable
-    return fill | thin_gaps(fill, evidence.covered, under & ~grow(leave)), leave
 
 
 def _patched(

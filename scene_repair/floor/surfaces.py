@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
+from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
 
 # A walkable surface: at most this steep …
@@ -25,6 +26,7 @@ class Surfaces:
     Attributes:
         cell: (N,) int64 cell of every sample.
         z_m: (N,) float64 height.
+        face: (N,) int32 triangle.
         clear_m: (N,) float64 free height above, inf under open sky.
         part: (N,) int64 surface the sample belongs to, 0 … parts − 1.
         parts: number of surfaces.
@@ -32,6 +34,7 @@ class Surfaces:
 
     cell: NDArray[np.int64]
     z_m: NDArray[np.float64]
+    face: NDArray[np.int32]
     clear_m: NDArray[np.float64]
     part: NDArray[np.int64]
     parts: int
@@ -56,16 +59,23 @@ def find_surfaces(
     # hide that floor; the underside of a box does, because there is no room to stand in it.
     ceiled = hidden & (clear >= STANDING_M) & ~_hidden(columns.start, columns.z, level, STACK_M)
     index = np.flatnonzero(level & (~hidden | ceiled) & (clear >= clear_m))
-    start = np.searchsorted(cell[index], np.arange(len(columns.start)))
-    parent = _connect(start, z[index], columns.grid.rows, columns.grid.columns, STEP_M)
-    _, part = np.unique(parent, return_inverse=True)
-    return Surfaces(
-        cell[index],
-        z[index],
-        clear[index],
-        part.astype(np.int64),
-        int(part.max()) + 1 if len(part) else 0,
-    )
+    part = connected(cell[index], z[index], columns.grid, STEP_M)
+    count = int(part.max()) + 1 if len(part) else 0
+    return Surfaces(cell[index], z[index], face[index], clear[index], part, count)
+
+
+def connected(
+    cell: NDArray[np.int64], z_m: NDArray[np.float64], grid: GridSpec, step_m: float
+) -> NDArray[np.int64]:
+    """Return the number, from 0, of the connected part that each sample (N,) belongs to.
+
+    Args:
+        cell: (N,) sorted.
+        step_m: samples of neighbouring cells are connected if their heights differ by less.
+    """
+    start = np.searchsorted(cell, np.arange(grid.rows * grid.columns + 1))
+    parent = _connect(start, z_m, grid.rows, grid.columns, step_m)
+    return np.unique(parent, return_inverse=True)[1].astype(np.int64)
 
 
 @kernel()

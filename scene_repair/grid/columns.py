@@ -114,47 +114,28 @@ def top_faces(
         The highest face (rows, columns), −1 where there is none, and its texture coordinates there
         (rows, columns, 2).
     """
-    scaled = (vertices_m - (*grid.origin_xy_m, 0.0)) / (grid.cell_m, grid.cell_m, 1.0)
+    columns = sample_columns(vertices_m, faces, grid)
     face = np.full(grid.shape, -1, dtype=np.int32)
-    height = np.full(grid.shape, -np.inf, dtype=np.float32)
     uv = np.zeros((*grid.shape, 2), dtype=np.float32)
-    corner_uv = np.ascontiguousarray(corner_uv, dtype=np.float32)
-    _top(scaled, np.ascontiguousarray(faces, dtype=np.int64), corner_uv, height, face, uv)
+    cells = np.flatnonzero(np.diff(columns.start))
+    top = columns.z[columns.start[cells + 1] - 1]
+    # Of faces in one place the first is taken.
+    highest = columns.z == np.repeat(top, np.diff(columns.start)[cells])
+    _, first = np.unique(columns.cell[highest], return_index=True)
+    found = columns.face[highest][first]
+    face.ravel()[cells] = found
+    row, column = np.divmod(cells, grid.columns)
+    center = np.stack([column, row], axis=1) + 0.5
+    a, b, c = ((vertices_m[faces[found, k], :2] - grid.origin_xy_m) / grid.cell_m for k in range(3))
+    area = _cross(b - a, c - a)
+    u, v = _cross(b - center, c - center) / area, _cross(c - center, a - center) / area
+    weights = np.stack([u, v, 1.0 - u - v], axis=1)
+    uv.reshape(-1, 2)[cells] = np.einsum("ck,ckd->cd", weights, corner_uv[found])
     return face, uv
 
 
-@kernel()
-def _top(vertices, faces, corner_uv, height, face, uv):
-    rows, columns = face.shape
-    for f in range(len(faces)):
-        ax, ay, az = vertices[faces[f, 0]]
-        bx, by, bz = vertices[faces[f, 1]]
-        cx, cy, cz = vertices[faces[f, 2]]
-        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-        if area == 0.0:
-            continue
-        j0 = max(int(np.ceil(min(ax, bx, cx) - 0.5)), 0)
-        j1 = min(int(np.floor(max(ax, bx, cx) - 0.5)), columns - 1)
-        i0 = max(int(np.ceil(min(ay, by, cy) - 0.5)), 0)
-        i1 = min(int(np.floor(max(ay, by, cy) - 0.5)), rows - 1)
-        for i in range(i0, i1 + 1):
-            y = i + 0.5
-            for j in range(j0, j1 + 1):
-                x = j + 0.5
-                u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-                v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-                w = 1.0 - u - v
-                if u >= 0.0 and v >= 0.0 and w >= -1e-12:
-                    z = u * az + v * bz + w * cz
-                    if z > height[i, j]:
-                        height[i, j] = z
-                        face[i, j] = f
-                        for k in range(2):
-                            uv[i, j, k] = (
-                                u * corner_uv[f, 0, k]
-                                + v * corner_uv[f, 1, k]
-                                + w * corner_uv[f, 2, k]
-                            )
+def _cross(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+    return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
 
 
 @kernel()
@@ -177,8 +158,7 @@ def _sort(start, z, face):
 def _raster(vertices, faces, shape, cursor, z_out, face_out, fill):
     """Count hits per cell, or write them at each cell's cursor.
 
-    Half-open edge rule by the sign of exact edge functions: a centre on a shared edge may count
-    for both triangles, which does no harm; it is never lost.
+    A centre on a shared edge may count for both triangles, which does no harm; it is never lost.
     """
     rows, columns = shape
     for f in range(len(faces)):

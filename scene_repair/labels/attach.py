@@ -24,7 +24,7 @@ SAME = 0.4
 
 
 def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
-    """Return boxes in source coordinates, and the scan with the up axis its labels imply.
+    """Return boxes in the scan's coordinates, and the scan with the up axis its labels imply.
 
     A labels file goes before names in the scan, and those before a `.house` file: what is there
     twice is taken once.
@@ -32,7 +32,7 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
     Raises:
         FileFormatError: a label file beside the scan is damaged.
     """
-    boxes = read_labels(source)
+    boxes = [replace(box, center=box.center - scan.offset) for box in read_labels(source)]
     path = source.with_name(HOUSE_NAME.format(stem=source.stem))
     house = read_house(path)
     if house is None:
@@ -54,7 +54,7 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
     there = {category: np.stack(bounds) for category, bounds in known.items()}
     turn = FRAMES[up]
     for box in house.boxes:
-        turned = replace(box, center=turn @ box.center, axes=box.axes @ turn.T)
+        turned = replace(box, center=turn @ box.center - scan.offset, axes=box.axes @ turn.T)
         here = _bounds(turned.corners())
         if not (box.category in there and bool((_iou(here, there[box.category]) > SAME).any())):
             boxes.append(turned)
@@ -69,7 +69,7 @@ def _bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _frame(house: House, scan: Scan) -> tuple[str, float]:
     """Return the frame in which the building's bounds fit the scan's best, and how well."""
-    there = np.stack(robust_bounds(scan.vertices, scan.faces))
+    there = np.stack(robust_bounds(scan.vertices, scan.faces)) + scan.offset
     agreement = {
         name: float(_iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there))
         for name, turn in FRAMES.items()

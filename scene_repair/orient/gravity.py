@@ -1,9 +1,11 @@
 """Estimate gravity: floors, ceilings and table tops share one normal, walls are orthogonal."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...formats.core.geometry import triangle_normals_and_areas
 
@@ -26,6 +28,10 @@ SHELL = 0.12
 LEAST_ROOM = 0.3
 # Where things are says more than which way they face: normals made for point clouds may be wrong.
 FACING = 0.3
+# Points spread over the surface, and cells along its longest side, that show where walls stand.
+POINTS, SIDE_CELLS = 60_000, 40
+# Upright surfaces that run on over this share of the height are walls.
+WALL_SHARE = 0.3
 
 
 @dataclass(frozen=True)
@@ -36,6 +42,7 @@ class Surfaces:
         normals: (F, 3) unit.
         area: (F,).
         centers: (F, 3).
+        points: (N, 3) spread evenly over the surface.
         cells, cell_area: mean normals (N, 3) of like-directed faces, their areas (N,); opposite
             directions count as one.
     """
@@ -43,6 +50,7 @@ class Surfaces:
     normals: Array
     area: Array
     centers: Array
+    points: Array
     cells: Array
     cell_area: Array
 
@@ -67,9 +75,23 @@ class Surfaces:
             normals,
             area,
             (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0,
+            _spread(corners, area),
             sums[known] / length[known, None],
             np.bincount(cell, area, count)[known].astype(np.float64),
         )
+
+
+def _spread(corners: Array, area: Array) -> Array:
+    """Return points (N, 3) spread over triangles (F, 3, 3) of areas (F,), the same each time."""
+    passed = np.cumsum(area)
+    number = np.arange(POINTS) + 0.5
+    face = np.minimum(np.searchsorted(passed, number / POINTS * passed[-1]), len(area) - 1)
+    # Roberts' sequence: pairs that leave no gaps, folded into the triangle.
+    u, v = np.mod(number[:, None] * [0.7548776662466927, 0.5698402909980532], 1.0).T
+    folded = u + v > 1.0
+    u, v = np.where(folded, 1.0 - u, u)[:, None], np.where(folded, 1.0 - v, v)[:, None]
+    a, b, c = corners[face].swapaxes(0, 1)
+    return a + u * (b - a) + v * (c - a)
 
 
 def _positive(normals: Array) -> NDArray[np.bool_]:
@@ -159,6 +181,33 @@ def likeness(surfaces: Surfaces, up: Array) -> float:
     gathered = np.sqrt(np.square(histogram / inside).sum())
     width = np.sqrt(surfaces.area.sum())
     return float(inside / surfaces.area.sum() * gathered * width / tall)
+
+
+def enclosure(surfaces: Surfaces, up: Array) -> float:
+    """Return the share of the ground plan along `up` (3,) that walls enclose on three sides.
+
+    What lies on its side and has no floor or ceiling of its own is open along its longest edges.
+    """
+    across = np.linalg.svd(up[None])[2][1:]
+    place = surfaces.points @ np.vstack([across, up]).T
+    place -= place.min(axis=0)
+    cell = (place / max(float(place.max()), 1e-12) * (SIDE_CELLS - 1)).astype(np.int64)
+    solid = np.zeros(cell.max(axis=0) + 1, dtype=bool)
+    solid[tuple(cell.T)] = True
+    plan: Any = ndimage.binary_fill_holes(solid.any(axis=2))
+    # A wall whose faces lie between two cells stands in either.
+    solid = ndimage.maximum_filter(solid, (3, 3, 1))
+    run = longest = np.zeros(plan.shape, dtype=np.int64)
+    for layer in np.moveaxis(solid, 2, 0):
+        run = (run + 1) * layer
+        longest = np.maximum(longest, run)
+    wall = longest >= WALL_SHARE * solid.shape[2]
+    met = np.zeros(plan.shape, dtype=np.int64)
+    for axis in (0, 1):
+        met += np.maximum.accumulate(wall, axis=axis)
+        met += np.flip(np.maximum.accumulate(np.flip(wall, axis), axis=axis), axis)
+    inside = plan & ~wall
+    return float((met >= 3)[inside].mean()) if inside.any() else 1.0
 
 
 def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:

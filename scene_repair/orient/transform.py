@@ -12,6 +12,7 @@ from ..scan.record import Scan
 from .bounds import robust_bounds
 from .gravity import (
     Surfaces,
+    enclosure,
     height_range,
     level_and_upright,
     likeness,
@@ -34,10 +35,19 @@ _TO_Z_UP = {
 MIN_EXTENT_M, MAX_EXTENT_M = 1.0, 1000.0
 # A file's word about up is overruled only by a direction that looks like it this many times more.
 OVERRULE = 4.0
+# The word of a converter that keeps its source's axes counts less; and that of any file is doubted
+# if walls enclose so much more of the building in another direction, which looks as likely.
+OVERRULE_CONVERTER, ENCLOSED, LEAST_CLOSED = 3.0, 1.5, 0.5
+# Outdoors walls enclose nothing, which must not count more than this factor.
+OPEN = 0.3
+# Evidence of which end is up that is weaker than this is no evidence.
+FAINT = 0.1
 # A file's word about its unit is doubted (never overruled) from this lead on.
 DOUBT = 8.0
 # Another direction that far from the best is a rival if it is no less likely than by this factor.
 ASLANT, NARROW_LEAD = 0.7, 2.0
+# What lies nearer than this to the promised direction (cosine) is that direction.
+ASIDE = 0.9
 # How narrowly area must agree with a vertical to speak for it, and what a tilted one must gain.
 NARROW_DEG, LEAST_GAIN = 2.0, 0.03
 # Objects whose names reveal which way is up.
@@ -49,12 +59,14 @@ class Orientation:
     """The transform from source coordinates to the world.
 
     Attributes:
-        source_to_world: (4, 4) similarity.
+        source_to_world: (4, 4) similarity from the scan's coordinates, less its offset.
+        file_to_world: (4, 4) similarity from the file's coordinates.
         habitat_to_world: (4, 4) rigid, see `SceneBundle.habitat_to_world`.
         evidence: what was decided and why, as JSON values.
     """
 
     source_to_world: NDArray[np.float64]
+    file_to_world: NDArray[np.float64]
     habitat_to_world: NDArray[np.float64]
     evidence: dict[str, Any]
 
@@ -80,14 +92,18 @@ def orient(scan: Scan, config: RepairConfig) -> Orientation:
     source_to_world[:3, :3] = scale * turned
     habitat_to_world = np.eye(4)
     habitat_to_world[:3, :3] = level @ _TO_Z_UP["y"]
+    file_to_world = source_to_world.copy()
+    file_to_world[:3, 3] = habitat_to_world[:3, 3] = -source_to_world[:3, :3] @ scan.offset
     return Orientation(
         source_to_world,
+        file_to_world,
         habitat_to_world,
         {
             "up": up,
             "up_reason": up_reason,
             "unit": unit,
             "unit_reason": unit_reason,
+            "offset": scan.offset.tolist(),
             "extent_m": [round(float(v), 4) for v in extent * scale],
             "tilt_deg": round(tilt_deg, 4),
             "levelled": bool(not np.array_equal(level, np.eye(3))),
@@ -104,31 +120,16 @@ def _up(
     if config.up != "auto":
         return config.up, "given by the user", _near(surfaces, config.up, config), []
     found = modes(surfaces)
-    like = np.array([likeness(surfaces, mode) for mode in found])
+    like = np.array([likeness(surfaces, m) * max(enclosure(surfaces, m), OPEN) for m in found])
     if scan.up is not None:
         axis, reason = scan.up
         promised = _near(surfaces, axis, config)
-        if not len(found):
-            return axis, reason, promised, []
-        best = found[np.argmax(like)]
-        lead = float(like.max()) / max(likeness(surfaces, promised), 1e-9)
-        # Bare walls lying flat look like floor and ceiling; the objects between them would show it.
-        bare = side_evidence(surfaces, best)[0] == 0.0
-        if lead < OVERRULE or bare or abs(float(best @ promised)) > 0.9:
-            return axis, reason, promised, []
-        exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
-        name = _axis_of(exact)
-        return (
-            name,
-            f"{reason}, but {name} looks {lead:.1f} times more like it: {evidence}",
-            exact,
-            [f"{name} is taken for up although {reason}: set --up {axis} if that is right"],
-        )
+        return _promised(scan, surfaces, (axis, reason), promised, found)
     if not len(found):
         finding = "no direction stands out; taken as z"
         return "z", finding, np.array([0.0, 0.0, 1.0]), [f"up: {finding}; set --up"]
     best = found[np.argmax(like)]
-    exact, evidence = _signed(scan, surfaces, refine(surfaces, best))
+    exact, evidence, sure = _signed(scan, surfaces, refine(surfaces, best))
     share, upright = level_and_upright(surfaces, exact)
     low, high = height_range(surfaces, exact)
     return (
@@ -136,8 +137,58 @@ def _up(
         f"{100 * share:.0f} % of the area is level and {100 * upright:.0f} % upright that way, "
         f"over {high - low:.4g} units of height; {evidence}",
         exact,
-        _rivals(found, like),
+        [*_rivals(found, like), *([] if sure else [_either_end(_axis_of(exact))])],
     )
+
+
+def _promised(
+    scan: Scan,
+    surfaces: Surfaces,
+    promise: tuple[str, str],
+    direction: NDArray[np.float64],
+    found: NDArray[np.float64],
+) -> tuple[str, str, NDArray[np.float64], list[str]]:
+    """Return as `_up` does, for a file that promises an axis, `direction` (3,), with a reason."""
+    axis, reason = promise
+    others = [mode for mode in found if abs(float(mode @ direction)) <= ASIDE]
+    if not others:
+        return axis, reason, direction, []
+    like, closed = likeness(surfaces, direction), enclosure(surfaces, direction)
+    rivals = [(likeness(surfaces, m), enclosure(surfaces, m), m) for m in others]
+    rival_like, rival_closed, best = max(rivals, key=lambda r: r[0] * r[1])
+    lead = rival_like / max(like, 1e-9)
+    # Bare walls lying flat look like floor and ceiling; the objects between them would show it.
+    bare = side_evidence(surfaces, best)[0] == 0.0
+    on_its_side = rival_closed > max(ENCLOSED * closed, LEAST_CLOSED)
+    on_its_side &= lead * rival_closed > closed
+    least = OVERRULE_CONVERTER if scan.converted else OVERRULE
+    # A building without floor and ceiling, seen from its side, has its walls for floors.
+    stands = rival_closed >= closed / ENCLOSED
+    overruled = (lead >= least and stands and not bare) or (on_its_side and scan.converted)
+    exact, evidence, _ = _signed(scan, surfaces, refine(surfaces, best))
+    name = _axis_of(exact)
+    if on_its_side:
+        evidence = (
+            f"walls enclose {100 * rival_closed:.0f} % of the ground plan with {name} up, and "
+            f"{100 * closed:.0f} % with {axis} up"
+        )
+    if overruled:
+        looks = f"{name} looks {lead:.1f} times more like it" if lead > 1 else f"{name} fits better"
+        return (
+            name,
+            f"{reason}, but {looks}: {evidence}",
+            exact,
+            [f"{name} is taken for up although {reason}: set --up {axis} if that is right"],
+        )
+    if on_its_side or lead >= OVERRULE:
+        return axis, reason, direction, [
+            f"the building may lie on its side ({evidence}): set --up {name} if so"
+        ]  # fmt: skip
+    return axis, reason, direction, []
+
+
+def _either_end(axis: str) -> str:
+    return f"nothing shows which end of {axis.lstrip('-')} is up: set --up if it is upside down"
 
 
 def _rivals(found: NDArray[np.float64], like: NDArray[np.float64]) -> list[str]:
@@ -158,8 +209,8 @@ def _rivals(found: NDArray[np.float64], like: NDArray[np.float64]) -> list[str]:
 
 def _signed(
     scan: Scan, surfaces: Surfaces, axis: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], str]:
-    """Return whichever of `axis` (3,) and its opposite is up, and why."""
+) -> tuple[NDArray[np.float64], str, bool]:
+    """Return whichever of `axis` (3,) and its opposite is up, why, and whether that is sure."""
     places: dict[bool, list[float]] = {True: [], False: []}
     centers = surfaces.centers @ axis
     for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
@@ -173,12 +224,14 @@ def _signed(
         rest = places[False] or [float(np.average(centers, weights=surfaces.area))]
         sign = np.sign(float(np.mean(rest)) - float(np.mean(places[True])))
         if sign:
-            return axis * sign, f"{len(places[True])} objects named as floor lie low"
+            return axis * sign, f"{len(places[True])} objects named as floor lie low", True
     value, evidence = side_evidence(surfaces, axis)
-    if value < 0:
+    sure = abs(value) >= FAINT or value == 0.0
+    # Hardly any file has its building upside down.
+    if value < 0 if sure and value else _axis_of(axis).startswith("-"):
         axis = -axis
         _, evidence = side_evidence(surfaces, axis)
-    return axis, evidence
+    return axis, evidence, sure
 
 
 def _axis_of(direction: NDArray[np.float64]) -> str:

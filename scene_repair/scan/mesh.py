@@ -31,6 +31,8 @@ from .resolver import ConfinedResolver
 from .soup import Part, merge_parts
 
 GLTF = (".glb", ".gltf")
+# What writes glTF without turning z up into y up, by its name under `asset.generator`.
+KEEP_AXES = ("open asset import library", "assimp", "trimesh", "ifcopenshell", "obj2gltf", "open3d")
 
 
 def read_mesh(path: Path) -> Scan:
@@ -53,13 +55,15 @@ def read_mesh(path: Path) -> Scan:
         licence, generator = gltf_facts(file.tree)
         parts = _parts(scene, True, resolver.warnings)
         parts = with_images(parts, file, resolver.warnings)
+        generated_by = str(file.tree["asset"].get("generator", "")).lower()
+        converted = any(name in generated_by for name in KEEP_AXES)
         promise = ("y", "glTF is y up by its specification")
         metres = ("m", "glTF is in metres by its specification")
     else:
         if suffix in CHECKS:
             CHECKS[suffix](path)
         scene = _load_plain(path, resolver)
-        licence, generator, promise, metres = "", {}, None, None
+        licence, generator, promise, metres, converted = "", {}, None, None, False
         parts = _parts(scene, suffix == ".obj", resolver.warnings)
         parts = _decoded(parts, resolver.warnings)
     warnings = list(dict.fromkeys(resolver.warnings))
@@ -68,7 +72,7 @@ def read_mesh(path: Path) -> Scan:
     scan = merge_parts(parts, warnings, promise, metres)
     if not len(scan.faces):
         raise FileFormatError(path, "contains no usable triangle: " + "; ".join(warnings[:5]))
-    return replace(scan, licence=licence, generator=generator)
+    return replace(scan, licence=licence, generator=generator, converted=converted)
 
 
 def _load_plain(path: Path, resolver: ConfinedResolver) -> trimesh.Scene:

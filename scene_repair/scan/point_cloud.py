@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from ...formats.core.errors import FileFormatError, InputError, MissingExtraError
+from ...formats.core.geometry import coarse_warning, far_offset
 from ...formats.splats.ply_header import read_ply_header
 from .headers import check_pcd
 from .readings import LookRef, RawPart, Readings
 from .record import DEFAULT_COLOR
+from .soup import MAX_COORDINATE
 
 LIBRARIES = "libgl1 libgomp1 libusb-1.0-0 libx11-6"
 # More points than this are thinned out evenly first; a room has 2 cm between them then.
@@ -47,6 +49,9 @@ def read(path: Path) -> Readings:
     o3d = _open3d()
     warnings: list[str] = []
     points, colors, normals = _points(o3d, path, warnings)
+    offset = far_offset(points)
+    warnings += coarse_warning(points, offset) if offset.any() else []
+    points = points - offset  # the reconstruction counts in 32 bits
     points, colors, normals, spacing = _thinned(points, colors, normals)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points))
     if normals is None:
@@ -68,7 +73,9 @@ def read(path: Path) -> Readings:
         _, near = cKDTree(points).query(vertices, k=4)
         at_vertex = colors[near].mean(axis=1)
         painted = np.rint(255 * np.clip(at_vertex, 0, 1)).astype(np.uint8)[faces]
-    part = RawPart("cloud", "", vertices, faces, np.zeros((len(faces), 3, 2), "f4"), 0, painted)
+    part = RawPart(
+        "cloud", "", vertices + offset, faces, np.zeros((len(faces), 3, 2), "f4"), 0, painted
+    )
     return Readings([part], [LookRef("points", DEFAULT_COLOR)], None, None, warnings)
 
 
@@ -96,7 +103,7 @@ def _points(
         str(path), remove_nan_points=False, remove_infinite_points=False
     )
     points = np.asarray(cloud.points)
-    usable = np.isfinite(points).all(axis=1) & (np.abs(points) < 1e7).all(axis=1)
+    usable = np.isfinite(points).all(axis=1) & (np.abs(points) < MAX_COORDINATE).all(axis=1)
     if not usable.all():
         warnings.append(f"{int((~usable).sum())} points with invalid coordinates dropped")
     if usable.sum() < LEAST_POINTS:

@@ -3,7 +3,7 @@
 Colours are sRGB; the transfer function is below.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -45,16 +45,21 @@ class Companion(Protocol):
 
 @dataclass(frozen=True)
 class Scan:
-    """Triangles in source coordinates.
+    """Triangles in source coordinates, near the origin.
 
     Attributes:
-        vertices: (V, 3) float64, source units.
+        vertices: (V, 3) float64, source units, less `offset`.
         faces: (F, 3) int64.
         corner_uv: (F, 3, 2) float32; v up.
         face_material: (F,) int32 index into `materials`.
         face_object: (F,) int32 index into `objects`, −1 = none.
+        parts: names of the file's pieces, one a node or prim; those with a known category are also
+            objects.
+        face_part: (F,) int32 index into `parts`.
+        offset: (3,) to add to positions for the file's coordinates.
         up: axis that the file promises to be up, with the reason, or None.
         unit: unit that the file promises, with the reason, or None.
+        converted: a converter wrote the file that keeps the axes of what it converts.
         licence: what the file says, empty if nothing.
         generator: facts of a generated scene, empty for a real scan.
         warnings: what had to be dropped or replaced while reading.
@@ -68,8 +73,12 @@ class Scan:
     face_object: NDArray[np.int32]
     materials: tuple[ScanMaterial, ...]
     objects: tuple[ScanObject, ...] = ()
+    parts: tuple[str, ...] = ("",)
+    face_part: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     up: tuple[str, str] | None = None
     unit: tuple[str, str] | None = None
+    converted: bool = False
     licence: str = ""
     generator: dict[str, Any] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
@@ -77,6 +86,14 @@ class Scan:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "warnings", tuple(map(without_addresses, self.warnings)))
+        if not len(self.face_part):
+            object.__setattr__(self, "face_part", np.zeros(len(self.faces), dtype=np.int32))
+
+    def take_faces(self, selected: NDArray[np.bool_]) -> "Scan":
+        """Return the scan with the faces (F,) that are selected."""
+        arrays = ("faces", "corner_uv", "face_material", "face_object", "face_part")
+        changes: dict[str, Any] = {name: getattr(self, name)[selected] for name in arrays}
+        return replace(self, **changes)
 
     def object_faces(self) -> list[NDArray[np.int64]]:
         """Return the face indices of each object."""

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ...formats.core.geometry import triangle_areas
+from ...formats.core.geometry import coarse_warning, far_offset, triangle_areas
 from .record import Scan, ScanMaterial, ScanObject
 
-# Coordinates beyond this are no building in any unit, and would ruin every bounding box.
-MAX_COORDINATE = 1e7
+# Coordinates beyond this are damage, not distance …
+MAX_COORDINATE = 1e11
+# … and so is what lies further from a scan's middle: it would ruin every bounding box.
+MAX_AWAY = 1e7
 # A triangle's tile: corners sit at texel centres (1, 1), (2, 1), (1, 2) of 4 × 4 texels; the
 # ring around them keeps coarser filters inside the tile.
 TILE = 4
@@ -53,9 +55,10 @@ def merge_parts(
     materials: dict[Any, int] = {}
     kept: list[ScanMaterial] = []
     objects: dict[str, int] = {}
+    names: dict[str, int] = {}
     named: list[ScanObject] = []
     uvs: list[NDArray[np.float32]] = []
-    of_material, of_object = [], []
+    of_material, of_object, of_name = [], [], []
     parts = [piece for part in parts for piece in _split_for_baking(part)]
     for part in parts:
         material, uv = part.material, part.uv
@@ -69,6 +72,7 @@ def merge_parts(
         if part.category and part.name not in objects:
             objects[part.name] = len(named)
             named.append(ScanObject(part.name, part.category))
+        of_name.append(names.setdefault(part.name, len(names)))
         uvs.append(uv)
         of_material.append(materials[key])
         of_object.append(objects[part.name] if part.category else -1)
@@ -79,25 +83,33 @@ def merge_parts(
         [np.asarray(p.faces, dtype=np.int64) + o for p, o in zip(parts, offsets, strict=False)]
     )
     corner_uv = np.concatenate(uvs).astype(np.float32, copy=False)
-    face_material = np.repeat(np.array(of_material, dtype=np.int32), sizes)
-    face_object = np.repeat(np.array(of_object, dtype=np.int32), sizes)
-    keep = _usable_faces(vertices, faces, warnings)
-    if not keep.all():
-        faces, corner_uv = faces[keep], corner_uv[keep]
-        face_material, face_object = face_material[keep], face_object[keep]
-    vertices, faces = weld(vertices, faces)
-    return Scan(
+    offset = far_offset(vertices)
+    if offset.any():
+        warnings += coarse_warning(vertices, offset)
+        warnings.append(
+            f"lies far from the origin: {', '.join(f'{v:.0f}' for v in offset)} was subtracted "
+            "(scene.json keeps it, and positions in either frame follow from source_to_world)"
+        )
+        vertices = vertices - offset
+    scan = Scan(
         vertices=vertices,
         faces=faces,
         corner_uv=corner_uv,
-        face_material=face_material,
-        face_object=face_object,
+        face_material=np.repeat(np.array(of_material, dtype=np.int32), sizes),
+        face_object=np.repeat(np.array(of_object, dtype=np.int32), sizes),
         materials=tuple(kept),
         objects=tuple(named),
+        parts=tuple(names),
+        face_part=np.repeat(np.array(of_name, dtype=np.int32), sizes),
+        offset=offset,
         up=up,
         unit=unit,
-        warnings=tuple(warnings),
     )
+    usable = _usable_faces(vertices, faces, warnings)
+    if not usable.all():
+        scan = scan.take_faces(usable)
+    vertices, faces = weld(vertices, scan.faces)
+    return replace(scan, vertices=vertices, faces=faces, warnings=tuple(warnings))
 
 
 def _split_for_baking(part: Part) -> list[Part]:
@@ -114,7 +126,7 @@ def _split_for_baking(part: Part) -> list[Part]:
 def _usable_faces(
     vertices: NDArray[np.float64], faces: NDArray[np.int64], warnings: list[str]
 ) -> NDArray[np.bool_]:
-    finite = np.all(np.isfinite(vertices) & (np.abs(vertices) < MAX_COORDINATE), axis=1)
+    finite = np.all(np.isfinite(vertices) & (np.abs(vertices) < MAX_AWAY), axis=1)
     keep = finite[faces].all(axis=1)
     if not keep.all():
         warnings.append(f"{int((~keep).sum())} faces with invalid coordinates dropped")

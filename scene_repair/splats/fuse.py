@@ -72,7 +72,11 @@ def fuse_splats(
     )
     places = stations(solid, factor)
     if not len(places):
-        raise SceneError("its Gaussians enclose no space: an object, not a room")
+        raise SceneError(
+            "its Gaussians enclose no space that a camera could stand in: an object, not a room, "
+            "or too small a part of one (floor and three walls are enough); give the room's "
+            "surface with --collision"
+        )
     tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
     camera = CameraModel("virtual", SIDE_PX, SIDE_PX, HFOV_DEG)
     _look(scene, volume, (Eye(camera, place, side) for place in places for side in SIDES))

@@ -39,7 +39,10 @@ class KeptSplats:
     surface: str
 
     def save(self, folder: Path, source_to_world: NDArray[np.float64]) -> dict[str, Any]:
-        """Write the splats into a bundle's folder, in world coordinates; return their facts."""
+        """Write the splats into a bundle's folder, in world coordinates; return their facts.
+
+        `source_to_world` applies to the file's coordinates.
+        """
         save_splats(folder, self.cloud.transformed(source_to_world))
         return {"splats": {"count": len(self.cloud), "surface": self.surface}}
 
@@ -69,8 +72,9 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
             companion=KeptSplats(cloud, collision.name),
         )
     try:
-        solid = find_solid(cloud)
-        mesh, color = fuse_splats(cloud, solid, tell)
+        near = replace(cloud, offset=(0.0, 0.0, 0.0))
+        solid = find_solid(near)
+        mesh, color = fuse_splats(near, solid, tell)
     except SceneError as error:
         raise FileFormatError(path, str(error)) from error
     if len(mesh.faces) < LEAST_FACES:
@@ -81,8 +85,15 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
         f"{len(cloud):,} Gaussians ({kind}); {solid.floaters:,} floaters and "
         f"{solid.background:,} of a far background left out of physics",
     ]
+    if solid.partial:
+        warnings.append(
+            "its Gaussians enclose no room: taken for a part of one, seen from where surfaces "
+            "stand on four sides; look at after.png"
+        )
     white = ScanMaterial("splats", (1.0, 1.0, 1.0))
     uv = np.zeros((len(mesh.faces), 3, 2), dtype=np.float32)
-    part = Part("splats", "", mesh.vertices, mesh.faces, uv, white, color[mesh.faces])
+    part = Part(
+        "splats", "", mesh.vertices + cloud.offset, mesh.faces, uv, white, color[mesh.faces]
+    )
     scan = merge_parts([part], warnings, cloud.up, cloud.unit)
     return replace(scan, licence=cloud.licence, companion=KeptSplats(cloud, "fused"))

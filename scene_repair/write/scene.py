@@ -71,6 +71,7 @@ class Repaired:
         probes: what probing them gave.
         visual: `mesh` as it is written.
         labels: categories that its faces point to.
+        notes: doubts about the levels.
     """
 
     source: Path
@@ -85,6 +86,7 @@ class Repaired:
     probes: list[dict[str, Any]]
     visual: VisualMesh
     labels: tuple[str, ...]
+    notes: list[str]
 
 
 def write_scene(repaired: Repaired, out_dir: Path, config: RepairConfig) -> SceneBundle:
@@ -125,14 +127,17 @@ def _write_bundle(
         ),
     )
     if repaired.scan.companion is not None:
-        facts |= repaired.scan.companion.save(out_dir, way.source_to_world)
+        facts |= repaired.scan.companion.save(out_dir, way.file_to_world)
     record = {
         "scene_id": scene_id,
         "source": facts,
         "triangles_before": len(repaired.original.faces),
         "triangles_after": len(repaired.mesh.faces),
         "warnings": list(repaired.scan.warnings),
-        "doubts": doubts(way.evidence, repaired.levels, repaired.floors),
+        "doubts": [
+            *doubts(way.evidence, repaired.levels, repaired.floors),
+            *repaired.notes,
+        ],
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
@@ -144,7 +149,7 @@ def _write_bundle(
         root=out_dir,
         scene_id=scene_id,
         source=facts,
-        source_to_world=way.source_to_world,
+        source_to_world=way.file_to_world,
         habitat_to_world=way.habitat_to_world,
         materials=materials,
         labels=repaired.labels,

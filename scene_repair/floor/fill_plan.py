@@ -1,4 +1,6 @@
-"""Which cells of a level are filled, with which heights, and which faces are its floor."""
+"""Plan which cells of a level are filled, with which heights, and which faces are its floor."""
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,10 +8,10 @@ from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
-from ..grid.morphology import grow, label, nearest_in
+from ..grid.morphology import Mask, grow, label, nearest_in
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_M, COVER_NORMAL_Z, Evidence
-from .holes import Hole
+from .holes import Hole, floors_run_under_walls
 from .outline import face_outline
 from .reference import STEP_M, fill_heights
 
@@ -23,23 +25,86 @@ SLOPE_NORMAL_Z = 0.98
 ROOM_M2 = 0.5
 
 
-def heights_everywhere(
-    evidence: Evidence, holes: list[Hole], fine: GridSpec
-) -> NDArray[np.float64]:
-    """Return reference heights in all cells: modelled in holes, the nearest floor's elsewhere."""
-    missing = np.zeros(fine.shape, dtype=bool)
+@dataclass(frozen=True)
+class FillPlan:
+    """What is filled on a level; all maps (rows, columns) over `grid`.
+
+    Attributes:
+        fill: holes that get a floor, and thin gaps beside them.
+        leave: holes that stay open.
+        target: `fill`, cracks, and cells at its rim whose face slopes away.
+        height_m: reference height everywhere: modelled in holes, the nearest floor's elsewhere.
+        rooms: number of the room that each cell lies in or is nearest to, from 1.
+        floor_faces: (n,) faces of the mesh that are floor.
+    """
+
+    grid: GridSpec
+    fill: Mask
+    leave: Mask
+    target: Mask
+    height_m: NDArray[np.float64]
+    rooms: NDArray[np.int32]
+    floor_faces: NDArray[np.int64]
+
+    @property
+    def patch_height_m(self) -> NDArray[np.float64]:
+        """Return heights for patches: beyond a step those of the nearest target cell."""
+        if not self.target.any():
+            return self.height_m
+        level = self.height_m[nearest_in(self.target)]
+        return np.where(np.abs(self.height_m - level) <= STEP_M, self.height_m, level)
+
+
+def plan_fill(
+    mesh: WorldMesh,
+    columns: Columns,
+    evidence: Evidence,
+    *,
+    holes: list[Hole],
+    passable: Mask,
+    ignore: NDArray[np.bool_],
+) -> FillPlan:
+    """Plan the repair of a level.
+
+    Args:
+        columns: samples of the mesh over the level's grid.
+        holes: judged gaps.
+        passable: (rows, columns) cells under lintels and bridged pieces of wall.
+        ignore: (F,) faces that are no floor.
+    """
+    grid = columns.grid
+    fill, leave = np.zeros((2, *grid.shape), dtype=bool)
     for hole in holes:
-        if hole.fill:
-            missing[hole.window] |= hole.cells
+        (fill if hole.fill else leave)[hole.window] |= hole.cells
+    height_m = heights_everywhere(evidence, fill, grid)
+    under = passable | evidence.wall if floors_run_under_walls(evidence, grid) else passable
+    fill = fill | _thin_gaps(fill, evidence.covered, under & ~grow(leave))
+    floor_faces = _floor_faces(mesh, height_m, grid, ignore)
+    floor_faces = _without_bridging(floor_faces, mesh, columns, height_m, fill)
+    floor = fill | evidence.covered
+    cracked = _cracked(mesh, floor_faces, floor, grid)
+    return FillPlan(
+        grid=grid,
+        fill=fill,
+        leave=leave,
+        target=fill | cracked | _sloping(evidence, floor_faces, fill, grid),
+        height_m=height_m,
+        rooms=_rooms(floor & ~evidence.wall & ~passable, grid),
+        floor_faces=floor_faces,
+    )
+
+
+def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> NDArray[np.float64]:
+    """Return reference heights: modelled in the `missing` cells, the nearest floor's elsewhere."""
     # Walls between a hole's parts and its rim take part, so that heights pass under them.
-    missing |= evidence.wall & ~np.isfinite(evidence.reference_m) & grow(missing)
+    missing = missing | evidence.wall & ~np.isfinite(evidence.reference_m) & grow(missing)
     known = np.where(missing, np.nan, evidence.reference_m)
     filled = fill_heights(known, missing, round(REACH_M / fine.cell_m))
     have = np.isfinite(filled)
     return filled[nearest_in(have)]
 
 
-def thin_gaps(
+def _thin_gaps(
     fill: NDArray[np.bool_], covered: NDArray[np.bool_], passable: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Return cells next to filled ones with floor on both sides: a wardrobe's front, a doorway."""
@@ -49,15 +114,7 @@ def thin_gaps(
     return (thin | doorway) & ~covered & grow(fill, 4)
 
 
-def heights_beside(height_m: NDArray[np.float64], fill: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return heights for patches: beyond a step those of the nearest filled cell."""
-    if not fill.any():
-        return height_m
-    level = height_m[nearest_in(fill)]
-    return np.where(np.abs(height_m - level) <= STEP_M, height_m, level)
-
-
-def without_bridging(
+def _without_bridging(
     floor_faces: NDArray[np.int64],
     mesh: WorldMesh,
     columns: Columns,
@@ -76,7 +133,7 @@ def without_bridging(
     return np.setdiff1d(floor_faces, columns.face[off & fill.ravel()[columns.cell]])
 
 
-def floor_faces_of(
+def _floor_faces(
     mesh: WorldMesh, height_m: NDArray[np.float64], fine: GridSpec, ignore: NDArray[np.bool_]
 ) -> NDArray[np.int64]:
     """Return the faces all of whose corners lie at the reference height, upright ones apart."""
@@ -95,7 +152,7 @@ def floor_faces_of(
     return chosen[(gap <= COVER_M).all(axis=1)]
 
 
-def cracked_cells(
+def _cracked(
     mesh: WorldMesh, floor_faces: NDArray[np.int64], floor: NDArray[np.bool_], fine: GridSpec
 ) -> NDArray[np.bool_]:
     """Return cells well inside the floor through which its open edges run: pinholes, cracks, seams.
@@ -113,7 +170,7 @@ def cracked_cells(
     return cells_at(points, fine) & ~grow(~floor)
 
 
-def sloping_cells(
+def _sloping(
     evidence: Evidence,
     floor_faces: NDArray[np.int64],
     fill: NDArray[np.bool_],
@@ -130,7 +187,7 @@ def sloping_cells(
     return grow(fill, round(SLOPE_M / fine.cell_m), within=part | fill) & part
 
 
-def room_of_cells(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
+def _rooms(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
     """Return the number of the room that each cell lies in or is nearest to, from 1.
 
     Args:

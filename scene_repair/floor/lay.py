@@ -1,0 +1,87 @@
+"""Lay a floor into a building that has none of its own: its world had a ground plane."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from ...formats.core.errors import SceneError
+from ...formats.scene.grid import GridSpec
+from ..grid.morphology import distance_to, label
+from ..grid.slices import slice_marks
+from ..grid.world_mesh import WorldMesh
+from ..orient.bounds import robust_bounds
+from ..scan.record import DEFAULT_COLOR, Scan, ScanMaterial, ScanObject
+from .evidence import LINTEL_HEIGHTS_M, WALL_HEIGHTS_M
+
+CELL_M = 0.05
+# The outside is what a disc of this radius reaches from beyond the walls; doors keep it out.
+OUTSIDE_RADIUS_M = 0.75
+MARGIN_M = 2.0
+
+
+def with_floor(scan: Scan, source_to_world: NDArray[np.float64], height_m: float) -> Scan:
+    """Return the scan with a level floor inside its walls.
+
+    Args:
+        source_to_world: (4, 4) similarity of the scan's coordinates.
+        height_m: world height of the floor.
+
+    Raises:
+        SceneError: walls enclose nothing at that height.
+    """
+    mesh = WorldMesh.of(scan, source_to_world)
+    lower, upper = robust_bounds(mesh.vertices, mesh.faces)
+    grid = GridSpec.covering(lower[:2] - MARGIN_M, upper[:2] + MARGIN_M, CELL_M)
+    heights = height_m + np.concatenate([WALL_HEIGHTS_M, LINTEL_HEIGHTS_M])
+    wall = slice_marks(mesh.vertices, mesh.faces, grid, heights) > 0
+    radius = OUTSIDE_RADIUS_M / CELL_M
+    parts, _ = label(distance_to(wall) > radius)
+    outside = distance_to(parts == parts[0, 0]) <= radius
+    inside = ~outside & ~wall
+    if not inside.any():
+        raise SceneError(
+            f"--floor {height_m:g}: no walls enclose a place {WALL_HEIGHTS_M[0]:g} to "
+            f"{LINTEL_HEIGHTS_M[-1]:g} m above it; valid: the height at which its walls begin"
+        )
+    # Under the walls, too, so that rooms join at doors and no slit stays open at their feet.
+    tiles = ndimage.binary_closing(inside | wall, iterations=2) & ~outside
+    world, faces = _tiles(tiles, grid, height_m)
+    inverse = np.linalg.inv(source_to_world)
+    points = world @ inverse[:3, :3].T + inverse[:3, 3]
+    count = len(faces)
+
+    def grown(values: NDArray[np.int32], number: int) -> NDArray[np.int32]:
+        return np.append(values, np.full(count, number, dtype=np.int32))
+
+    return replace(
+        scan,
+        vertices=np.concatenate([scan.vertices, points]),
+        faces=np.concatenate([scan.faces, faces + len(scan.vertices)]),
+        corner_uv=np.concatenate([scan.corner_uv, np.zeros((count, 3, 2), np.float32)]),
+        face_material=grown(scan.face_material, len(scan.materials)),
+        face_object=grown(scan.face_object, len(scan.objects)),
+        face_part=grown(scan.face_part, 0),
+        materials=(*scan.materials, ScanMaterial("floor", DEFAULT_COLOR)),
+        objects=(*scan.objects, ScanObject("Floor", "floor")),
+        warnings=(
+            *scan.warnings,
+            f"--floor: {inside.sum() * CELL_M**2:.1f} m² laid at {height_m:.2f} m inside the walls",
+        ),
+    )
+
+
+def _tiles(
+    cells: NDArray[np.bool_], grid: GridSpec, z_m: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return vertices (V, 3) and upward faces (F, 3) over cells; neighbours share corners."""
+    i, j = np.nonzero(cells)
+    columns = cells.shape[1] + 1
+    corner = np.stack([i * columns + j, i * columns + j + 1], axis=1)
+    quad = np.concatenate([corner, corner[:, ::-1] + columns], axis=1)
+    used, index = np.unique(quad, return_inverse=True)
+    index = index.reshape(-1, 4)
+    xy = np.stack([used % columns, used // columns], axis=1) * grid.cell_m + grid.origin_xy_m
+    points = np.column_stack([xy, np.full(len(used), z_m)])
+    return points, np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])

@@ -1,0 +1,118 @@
+"""Leave out parts of a scan: those that the user names, and skies and grounds around a building."""
+
+from dataclasses import replace
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from trimesh.triangles import closest_point
+
+from ...formats.core.errors import InputError, check_name
+from ...formats.core.geometry import triangle_normals_and_areas
+from .record import Scan
+
+# What is so many times as long as all the rest together dwarfs it.
+DWARF = 8.0
+# As many parts at most make a sky and its ground.
+MOST_PARTS = 50
+# A room's walls lie this near to the rest, in its lengths; a ground has no more than this share of
+# steep faces there. Floor and ceiling lie so far apart; a ground is thinner, a sky further away.
+NEAR, STEEP_SHARE = 2.5, 0.05
+THINNEST, HIGHEST = 0.2, 6.0
+
+
+def without_parts(scan: Scan, names: tuple[str, ...]) -> Scan:
+    """Return the scan without the named parts, and without what dwarfs the rest.
+
+    Args:
+        names: of parts, whole or the last piece of a path, or patterns such as `Tree*`.
+
+    Raises:
+        UnknownNameError: a name fits no part; lists them.
+        InputError: nothing would be left.
+    """
+    drop = np.zeros(len(scan.parts), dtype=bool)
+    for name in names:
+        fits = np.array([_fits(part, name) for part in scan.parts], dtype=bool)
+        if not fits.any():
+            check_name("part to exclude", name, scan.parts)
+        drop |= fits
+    if names:
+        scan = _kept(scan, ~drop[scan.face_part], "left out by --exclude: " + ", ".join(names))
+    piece, labels = _pieces(scan)
+    large = _dwarfing(scan, piece, len(labels))
+    if not len(large):
+        return scan
+    shown = ", ".join(dict.fromkeys(labels[k] for k in large))
+    line = (
+        f"left out {shown}: more than {DWARF:g} times as long as all the rest, and without rooms, "
+        "like a sky or a ground around a building"
+    )
+    return _kept(scan, ~np.isin(piece, large), line)
+
+
+def _fits(part: str, name: str) -> bool:
+    return any(fnmatchcase(text, name) for text in (part, part.rpartition("/")[2]))
+
+
+def _kept(scan: Scan, keep: NDArray[np.bool_], line: str) -> Scan:
+    if not keep.any():
+        raise InputError(f"{line}: nothing is left")
+    return replace(scan.take_faces(keep), warnings=(*scan.warnings, line))
+
+
+def _pieces(scan: Scan) -> tuple[NDArray[np.int64], list[str]]:
+    """Return the piece (F,) of each face, and what to call it.
+
+    The file's parts are the pieces; in a file of a single part what hangs together is one.
+    """
+    if len(set(scan.face_part.tolist())) > 1:
+        return scan.face_part.astype(np.int64), [part or "a part" for part in scan.parts]
+    a, b, c = scan.faces.T
+    ends = (np.concatenate([a, b]), np.concatenate([b, c]))
+    count = len(scan.vertices)
+    links = sparse.coo_matrix((np.ones(len(ends[0]), dtype=bool), ends), shape=(count, count))
+    found: Any = sparse.csgraph.connected_components(links, directed=False)
+    return found[1][a].astype(np.int64), ["a separate surface"] * found[0]
+
+
+def _dwarfing(scan: Scan, piece: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Return the pieces that dwarf all others together and have no rooms."""
+    corners = scan.vertices[scan.faces]
+    lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(lower, piece, corners.min(axis=1))
+    np.maximum.at(upper, piece, corners.max(axis=1))
+    size = (upper - lower).max(axis=1)
+    order = np.argsort(-size)
+    order = order[size[order] > 0]
+    low = np.minimum.accumulate(lower[order][::-1])[::-1]
+    high = np.maximum.accumulate(upper[order][::-1])[::-1]
+    rest = (high - low).max(axis=1)
+    cuts = np.flatnonzero(size[order][:-1] > DWARF * rest[1:])[:MOST_PARTS] + 1
+    for cut in cuts[::-1]:
+        middle = 0.5 * (low[cut] + high[cut])
+        large = np.isin(piece, order[:cut])
+        if not _has_rooms(corners[large], middle, float(rest[cut])):
+            return order[:cut]
+    return np.empty(0, dtype=np.int64)
+
+
+def _has_rooms(corners: NDArray[np.float64], middle: NDArray[np.float64], size: float) -> bool:
+    """Return whether triangles (F, 3, 3) enclose a place (3,) of that size as rooms do."""
+    nearest = closest_point(corners, np.broadcast_to(middle, (len(corners), 3)))
+    near = corners[np.linalg.norm(nearest - middle, axis=1) < NEAR * size]
+    if not len(near):
+        return False
+    normals, areas = triangle_normals_and_areas(near)
+    axis = np.linalg.eigh((normals * areas[:, None]).T @ normals)[1][:, -1]
+    steep = np.abs(normals @ axis) < 0.5
+    if areas[steep].sum() > STEEP_SHARE * areas.sum():
+        return True
+    across = np.linalg.svd(axis[None])[2][1:]
+    flat = (corners - middle) @ across.T
+    side = [np.cross(flat[:, k], flat[:, (k + 1) % 3]) for k in range(3)]
+    over = (np.stack(side) >= 0).all(axis=0) | (np.stack(side) <= 0).all(axis=0)
+    gaps = np.diff(np.sort((corners[over] @ axis).mean(axis=1))) / size
+    return bool(((gaps > THINNEST) & (gaps < HIGHEST)).any())
