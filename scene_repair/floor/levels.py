@@ -62,8 +62,9 @@ def find_levels(
         ceilings, roofs = ceilings - open_sky, set()
     floors = [p for p in floors if p not in ceilings]
     if not floors:
-        for p in ceilings:
-            reasons[p] = "has walls only under it, like a ceiling or a roof"
+        for p in np.flatnonzero(parts.standing_m2 >= config.min_floor_m2):
+            if parts.over_walls(p):
+                reasons[p] = "has walls only under it, like a ceiling or a roof"
         raise SceneError(_no_floor(parts, reasons, mesh))
     storeys: list[list[int]] = []
     for p in (p for p in floors if p not in roofs):

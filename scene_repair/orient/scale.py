@@ -50,8 +50,7 @@ def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
     """Measure a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
     up = to_z_up[2]
     height = surfaces.centers @ up
-    low, high = height_range(surfaces, up)
-    floor, room = _room_height(surfaces, up, height, low, high)
+    floor, room = room_height(surfaces, up)
     width = 0.0
     for row in to_z_up[:2]:
         first, last = height_range(surfaces, row)
@@ -62,10 +61,10 @@ def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
     return Sizes(room, door, source, width)
 
 
-def _room_height(
-    surfaces: Surfaces, up: Array, height: Array, low: float, high: float
-) -> tuple[float, float]:
-    """Return a floor's height, and the largest gap above it to the next strong level surface."""
+def room_height(surfaces: Surfaces, up: Array) -> tuple[float, float]:
+    """Return a floor's height along `up` (3,), and the largest gap to the next level surface."""
+    height = surfaces.centers @ up
+    low, high = height_range(surfaces, up)
     tall = max(high - low, 1e-12)
     level = np.abs(surfaces.normals @ up) > LEVEL
     histogram, edges = np.histogram(

@@ -20,7 +20,7 @@ from .gravity import (
     refine,
     side_evidence,
 )
-from .scale import Sizes, infer_unit, measure, sizes_in
+from .scale import Sizes, infer_unit, measure, room_height, sizes_in
 
 # Rows give world x, y, z in source coordinates; each is a rotation. y up is Habitat's convention.
 _TO_Z_UP = {
@@ -40,6 +40,8 @@ OVERRULE = 4.0
 OVERRULE_CONVERTER, ENCLOSED, LEAST_CLOSED = 3.0, 1.5, 0.5
 # Outdoors walls enclose nothing, which must not count more than this factor.
 OPEN = 0.3
+# Rooms are rarely lower or higher than this.
+LOW_ROOM_M, HIGH_ROOM_M = 2.0, 6.0
 # Evidence of which end is up that is weaker than this is no evidence.
 FAINT = 0.1
 # A file's word about its unit is doubted (never overruled) from this lead on.
@@ -161,10 +163,15 @@ def _promised(
     bare = side_evidence(surfaces, best)[0] == 0.0
     on_its_side = rival_closed > max(ENCLOSED * closed, LEAST_CLOSED)
     on_its_side &= lead * rival_closed > closed
+    given, usual = np.array([room_height(surfaces, u)[1] for u in (direction, best)]) * (
+        metres_per(scan.unit[0]) if scan.unit else np.nan
+    )
+    rooms = (LOW_ROOM_M <= usual <= HIGH_ROOM_M) and not LOW_ROOM_M <= given <= HIGH_ROOM_M
     least = OVERRULE_CONVERTER if scan.converted else OVERRULE
     # A building without floor and ceiling, seen from its side, has its walls for floors.
     stands = rival_closed >= closed / ENCLOSED
-    overruled = (lead >= least and stands and not bare) or (on_its_side and scan.converted)
+    doubtful = on_its_side or (rooms and stands and lead >= 1.0 / NARROW_LEAD)
+    overruled = (lead >= least and stands and not bare) or (doubtful and scan.converted)
     exact, evidence, _ = _signed(scan, surfaces, refine(surfaces, best))
     name = _axis_of(exact)
     if on_its_side:
@@ -172,6 +179,8 @@ def _promised(
             f"walls enclose {100 * rival_closed:.0f} % of the ground plan with {name} up, and "
             f"{100 * closed:.0f} % with {axis} up"
         )
+    elif doubtful:
+        evidence = f"rooms are {usual:.2f} m high with {name} up, and {given:.2f} m with {axis} up"
     if overruled:
         looks = f"{name} looks {lead:.1f} times more like it" if lead > 1 else f"{name} fits better"
         return (
@@ -180,7 +189,7 @@ def _promised(
             exact,
             [f"{name} is taken for up although {reason}: set --up {axis} if that is right"],
         )
-    if on_its_side or lead >= OVERRULE:
+    if doubtful or (lead >= OVERRULE and stands):
         return axis, reason, direction, [
             f"the building may lie on its side ({evidence}): set --up {name} if so"
         ]  # fmt: skip

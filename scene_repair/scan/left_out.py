@@ -10,7 +10,7 @@ from scipy import sparse
 from trimesh.triangles import closest_point
 
 from ...formats.core.errors import InputError, check_name
-from ...formats.core.geometry import triangle_normals_and_areas
+from ...formats.core.geometry import triangle_normals, triangle_normals_and_areas
 from .record import Scan
 
 # What is so many times as long as all the rest together dwarfs it.
@@ -112,7 +112,14 @@ def _has_rooms(corners: NDArray[np.float64], middle: NDArray[np.float64], size: 
         return True
     across = np.linalg.svd(axis[None])[2][1:]
     flat = (corners - middle) @ across.T
-    side = [np.cross(flat[:, k], flat[:, (k + 1) % 3]) for k in range(3)]
-    over = (np.stack(side) >= 0).all(axis=0) | (np.stack(side) <= 0).all(axis=0)
-    gaps = np.diff(np.sort((corners[over] @ axis).mean(axis=1))) / size
+    following = np.roll(flat, -1, axis=1)
+    side = flat[..., 0] * following[..., 1] - flat[..., 1] * following[..., 0]
+    over = (side >= 0).all(axis=1) | (side <= 0).all(axis=1)
+    met = corners[over]
+    normals = triangle_normals(met)
+    # Where the planes of the faces meet the line through the middle.
+    slope = normals @ axis
+    met, normals, slope = met[slope != 0], normals[slope != 0], slope[slope != 0]
+    heights = np.einsum("fi,fi->f", met[:, 0] - middle, normals) / slope
+    gaps = np.diff(np.sort(heights)) / size
     return bool(((gaps > THINNEST) & (gaps < HIGHEST)).any())

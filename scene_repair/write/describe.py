@@ -12,9 +12,9 @@ from ..floor.holes import Hole
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
 from ..orient.scale import ROOM_M
+from ..orient.transform import HIGH_ROOM_M, LOW_ROOM_M
 
-# Rooms are rarely lower or higher than this, and a scene is rarely made for less floor.
-LOW_ROOM_M, HIGH_ROOM_M, LEAST_FLOOR_M2 = 2.0, 6.0, 4.0
+LEAST_FLOOR_M2 = 4.0  # a scene is rarely made for less
 TINY_M2 = 0.005  # less would be shown as 0.00 m²
 
 
