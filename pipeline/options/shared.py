@@ -42,7 +42,7 @@ class Orientation:
     allow_roof: bool = False
     """Also make levels of floors under the open sky that no stairs lead to."""
 
-    def repair_config(self, **more: str) -> RepairConfig:
+    def repair_config(self, *, collision: str, scene_id: str = "") -> RepairConfig:
         """Return the options of the repair."""
         return RepairConfig(
             up=self.up,
@@ -50,7 +50,8 @@ class Orientation:
             exclude=self.exclude,
             floor_m=self.floor,
             allow_roof=self.allow_roof,
-            **more,
+            collision=collision,
+            scene_id=scene_id,
         )
 
 

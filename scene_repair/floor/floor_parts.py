@@ -103,7 +103,8 @@ def measure_parts(
     walls = mesh.faces[np.abs(mesh.normals[:, 2]) < UPRIGHT_NORMAL_Z]
     reach = max(1, round(AROUND_M / grid.cell_m))
     upper = np.uint32((1 << len(RISES_M)) - 1)
-    area_m2, height_m = samples * cell_m2, np.asarray(height, dtype=np.float64)
+    area_m2 = (samples * cell_m2).astype(np.float64)
+    height_m = np.asarray(height, dtype=np.float64)
     for p in np.flatnonzero(standing_m2 >= min_floor_m2):
         selected = surfaces.part == p
         z = np.full(grid.rows * grid.columns, np.nan)

@@ -84,4 +84,5 @@ def _tiles(
     index = index.reshape(-1, 4)
     xy = np.stack([used % columns, used // columns], axis=1) * grid.cell_m + grid.origin_xy_m
     points = np.column_stack([xy, np.full(len(used), z_m)])
-    return points, np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
+    faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
+    return points.astype(np.float64), faces.astype(np.int64)
