@@ -32,7 +32,7 @@ LEAST_GAUSSIANS = 500
 # one.
 SIDES_MET = (5, 4)
 # A camera stands so far from surfaces, in a space of so many cells at least.
-CAMERA_CELLS, SPACE_CELLS = 1.8, 430
+CAMERA_CELLS, SPACE_CELLS, WHOLE_SHARE = 1.8, 430, 0.3
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,11 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     distance = distance_to(occupied)
     met = sides_met(occupied)
     roomy = [(met >= least) & ~occupied for least in SIDES_MET]
-    whole, part = (_largest(space & (distance > CAMERA_CELLS)) >= SPACE_CELLS for space in roomy)
+    whole, part = (_largest(space & (distance > CAMERA_CELLS)) for space in roomy)
+    # In a part of a room what is closed on five sides is a corner under a table.
+    partial = part >= SPACE_CELLS and whole < WHOLE_SHARE * part
     clearance = distance.astype(np.float32) * np.float32(cell)
-    clearance[~roomy[int(part and not whole)]] = 0.0
+    clearance[~roomy[int(partial)]] = 0.0
     return Solid(
         keep,
         lower,
@@ -110,7 +112,7 @@ def find_solid(cloud: GaussianCloud) -> Solid:
         cell,
         lower + 0.5 * cell,
         clearance,
-        partial=bool(part and not whole),
+        partial=bool(partial),
         floaters=int((visible & boxed & ~keep).sum()),
         background=int((visible & ~boxed).sum()),
     )
