@@ -46,11 +46,11 @@ def examine(out: Path) -> list[Finding]:
         _guarded("renderer embree", _embree),
         _guarded("GPU", _gpu),
         _guarded("video", _codecs),
-        _extra("train", ["torch", "lerobot", "rsl_rl", "onnx"]),
+        _extra("train", ["torch", "lerobot", "rsl_rl"]),
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
         _extra("cluster", ["ray", "submitit"]),
-        _extra("onnxruntime", ["onnxruntime"]),
+        _extra("onnxruntime", ["onnx", "onnxruntime"]),
         _extra("s3", ["s3fs"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]

@@ -20,7 +20,7 @@ from ..geometry.splatting.draw import Eye, SplatImage
 from .frame import Drawn, RenderRequest
 from .interface import Renderer
 from .kernels.data import Hits
-from .kernels.drawn import light_pixels
+from .kernels.shading import light_pixels
 from .kernels.srgb import decode_table
 from .scene.robot_trace import RobotTracer
 from .scene.textures import MaterialTable

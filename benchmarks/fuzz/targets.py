@@ -169,12 +169,11 @@ def _robot(name: str) -> Callable[[Path], Target]:
 
 def _onnx(folder: Path) -> Target:
     from tests.security.test_robot_folder import ONES, network, tensor
-    from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
-    from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
+    from vlnpe.collectors.locomotion.runtime.onnx_runtime import OnnxNetwork
 
     path = folder / "policy.onnx"
     seeds = [network(weights=tensor(b"w", (4, 2), ONES))]
-    return Target(seeds, lambda data: read_mlp(OnnxFile(path, data)))
+    return Target(seeds, lambda data: OnnxNetwork(path, data))
 
 
 def _card(folder: Path) -> Target:

@@ -81,6 +81,7 @@ class Recorder:
             "joint_torque_nm": force[:, handles.actuators],
             "command": self._command[:n].copy(),
             "foot_contact": sensors[:, handles.foot_touch] > TOUCH_N,
+            "foot_force_n": sensors[:, handles.foot_touch],
             "imu": np.concatenate(imu, axis=1),
             "floor_z_m": self._world.surface.height_at(position[:, :2]),
         }

@@ -42,7 +42,7 @@ def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[s
         "seed": config.seed,
         "robot_mass_kg": world.robot.mass_kg,
         "robot_physics": world.physics_hash,
-        "policy_sha256": gait.card.onnx_sha256 if isinstance(gait, GaitPolicy) else None,
+        "policy_sha256": gait.card.network_sha256 if isinstance(gait, GaitPolicy) else None,
         "controller_config": asdict(getattr(config, config.controller)),
         "timestep_s": TIMESTEP_S,
         "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),

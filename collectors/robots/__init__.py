@@ -1,6 +1,6 @@
 """Robots: published facts, MJCF models built from primitive shapes, and their registry."""
 
-from .folder.load import CARD_NAME, POLICY_NAME
+from .folder.load import CARD_NAME, NETWORK_NAMES
 from .handles import RobotHandles
 from .parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts
 from .registry import ROBOTS, get_robot
@@ -8,8 +8,8 @@ from .spec import POLICY_DECIMATION, TIMESTEP_S, RobotSpec, apply_physics_option
 
 __all__ = [
     "CARD_NAME",
+    "NETWORK_NAMES",
     "POLICY_DECIMATION",
-    "POLICY_NAME",
     "ROBOTS",
     "TIMESTEP_S",
     "CameraMount",

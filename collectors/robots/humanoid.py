@@ -88,7 +88,7 @@ class Soles:
         for ball, (x, y) in self.xy_m.items():
             place = (x, sign * y, self.z_m)
             add_collision(
-                body, f"{side}_{ball}", "sphere", (self.radius_m,), position=place, foot=True
+                body, f"{side}_{ball}", "sphere", (self.radius_m,), position=place, sole=True
             )
         add_touch(spec, body, f"{side}_foot", (self.touch_x_m, 0.0, self.z_m), self.touch_m)
 

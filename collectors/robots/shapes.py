@@ -14,6 +14,7 @@ Color = tuple[float, float, float]
 
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
+SOLE_TIME_S = 0.01  # of a walker's contacts, the shortest that is stable at steps of 5 ms
 FULL_TORQUE_SPEED = 0.6  # share of a motor's no-load speed up to which it has its full torque
 POSITION_INPUT = 1  # MuJoCo's mjINPUT_POS, which its Python module does not name
 _GEOM = mujoco.mjtGeom
@@ -92,11 +93,15 @@ def add_collision(
     *,
     ends: tuple[Vector, Vector] | None = None,
     foot: bool = False,
+    sole: bool = False,
 ) -> None:
     """Add a massless geom that collides but is not drawn; see `add_visual`.
 
-    With `foot`, the geom's own friction decides that of its contacts.
+    With `foot`, the geom's own friction decides that of its contacts; `sole` is a walker's foot,
+    whose contacts are stiffer, so that it does not sink
+    into the floor.
     """
+    foot |= sole
     body.add_geom(
         name=name,
         type=SHAPES[shape],
@@ -110,6 +115,7 @@ def add_collision(
         # A rubber foot on any indoor floor: priority makes MuJoCo use the foot's friction alone.
         priority=1 if foot else 0,
         friction=[0.8, 0.02, 0.01] if foot else [0.6, 0.02, 0.01],
+        **({"solref": [SOLE_TIME_S, 1.0]} if sole else {}),
         **_placement(position, ends, None),
     )
 

@@ -171,4 +171,5 @@ _COLLISION_FIELDS = (
     "geom_solref",
     "geom_solimp",
     "geom_priority",
+    "geom_margin",
 )

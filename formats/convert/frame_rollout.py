@@ -58,6 +58,7 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
         command=_column(rows, "action.velocity", count, 3),
         foot_names=foot_names,
         foot_contact=_column(rows, "observation.foot_contact", count, len(foot_names)) > 0.5,
+        foot_force_n=_column(rows, "observation.foot_force", count, len(foot_names)),
         imu=_column(rows, "observation.imu", count, 6),
         floor_z_m=np.full(count, start.origin_world_m[2]),
         actions=actions,

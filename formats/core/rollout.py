@@ -97,6 +97,7 @@ class Rollout:
         command: (T, 3) commanded vx, vy [m/s] and yaw rate [rad/s], in the base frame.
         foot_names: F names.
         foot_contact: (T, F) bool.
+        foot_force_n: (T, F) normal force of the ground on each foot [N]; NaN where not recorded.
         imu: (T, 6) specific force [m/s²] and angular rate [rad/s] in the base frame.
         floor_z_m: (T,) height of the floor under the base [m].
         actions: executed discrete actions; empty when the controller knows none.
@@ -121,6 +122,7 @@ class Rollout:
     command: NDArray[np.float64]
     foot_names: tuple[str, ...]
     foot_contact: NDArray[np.bool_]
+    foot_force_n: NDArray[np.float64]
     imu: NDArray[np.float64]
     floor_z_m: NDArray[np.float64]
     actions: tuple[ActionSpan, ...]

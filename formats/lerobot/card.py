@@ -26,6 +26,7 @@ MEANING = {
     "observation.joints": "joint positions, then joint velocities",
     "observation.imu": "specific force and angular rate in the base frame",
     "observation.foot_contact": "1 where a foot touches, else 0",
+    "observation.foot_force": "normal force of the ground on each foot",
     "observation.camera_pose": "pose of the camera's optical frame in the start frame",
     "observation.progress": "frame number over the last frame's",
     "action": "motion to the next frame, in this frame's yaw frame",

@@ -48,6 +48,7 @@ FIELDS = (
     _Field("foot_contact", "|b1"),
     _Field("imu", "<f8"),
     _Field("floor_z_m", "<f8", scalar=True),
+    _Field("foot_force_n", "<f8"),
 )
 
 
@@ -90,6 +91,9 @@ def decode_states(messages: list[bytes], path: Path) -> dict[str, NDArray[Any]]:
     rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), -1)
     arrays, at = {}, 0
     for number, item in enumerate(FIELDS, 1):
+        if item.name == "foot_force_n" and at == rows.shape[1]:  # recorded before forces were
+            arrays[item.name] = np.full(arrays["foot_contact"].shape, np.nan)
+            break
         size, start = _read_head(rows[0], at, number, item, path)
         if np.any(rows[:, at:start] != rows[0, at:start]):
             raise FileFormatError(path, f"state field {item.name} changes its size")

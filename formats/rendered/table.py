@@ -27,6 +27,7 @@ class FrameTable:
             `observation.joints` (2 J): positions [rad], then velocities [rad/s];
             `observation.imu` (6): specific force [m/s²] and angular rate [rad/s], base frame;
             `observation.foot_contact` (F): 1 where a foot touches, else 0;
+            `observation.foot_force` (F): normal force of the ground on each foot [N];
             `observation.camera_pose` (7): position [m] and quat_wxyz of the optical frame in the
             start frame;
             `observation.progress` (1): frame number over the last frame's, 0 … 1;
@@ -118,6 +119,7 @@ def build_frame_table(
         ),
         "observation.imu": rollout.imu[samples],
         "observation.foot_contact": rollout.foot_contact[samples],
+        "observation.foot_force": rollout.foot_force_n[samples],
         "observation.camera_pose": np.concatenate(
             [
                 start.position(np.asarray(frames["camera_position_world_m"], np.float64)),
@@ -233,6 +235,7 @@ def _column_names(rollout: Rollout) -> dict[str, list[str]]:
             *(f"angular_rate_{c}_base_rad_s" for c in "xyz"),
         ],
         "observation.foot_contact": [f"{name}_contact_0_or_1" for name in rollout.foot_names],
+        "observation.foot_force": [f"{name}_force_n" for name in rollout.foot_names],
         "observation.camera_pose": [*(f"position_{c}_start_m" for c in "xyz"), *quat],
         "observation.progress": ["fraction_of_frames"],
         "action": ["delta_x_yaw_frame_m", "delta_y_yaw_frame_m", "delta_yaw_rad"],

@@ -103,7 +103,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
         walked = pixels(track.xy_m)
         # Where robots walk the same way, the later one's thinner line leaves the others visible.
-        own = width * (1.0 - 0.6 * number / len(numbers))
+        own = 1.6 * width * (1.0 - number / len(numbers))
         line = _line(walked, paths.colors[track.robot], own, title, False)
         lines.append({**line, "robot": number})
         if track.end_reason != "success":

@@ -1,5 +1,7 @@
 """A camera that follows a robot from behind and above and stays inside the room."""
 
+import itertools
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +19,10 @@ WALL_GAP_M = 0.15
 # more of the robot is visible.
 AZIMUTHS_RAD = np.deg2rad([20.0, 0.0, -20.0, 50.0, -50.0, 85.0, -85.0])
 ELEVATIONS_RAD = np.deg2rad([24.0, 38.0, 55.0])
+# Things nearer to the lens than this, a chandelier or the leaf of a door, would fill the picture.
+CLEAR_M = 1.0
+CLUTTER_COST = 0.8  # of a picture all of which is nearer
+PROBES_DEG = tuple(itertools.product((-25.0, 0.0, 25.0), (0.0, 15.0)))  # right, up
 AZIMUTH_COST = 0.5  # share of the distance that a change of 1 rad must gain
 ELEVATION_COST = 0.5
 
@@ -31,8 +37,8 @@ def chase_poses(
     """Return positions (N, 3) [m] and optical quaternions (N, 4) of the camera at `samples` (N,).
 
     Rays from a point above the base probe the free distance backwards; the camera takes the
-    direction with the largest share of the preferred distance, moves there smoothly and always
-    stays in front of what the ray hits.
+    direction with the largest share of the preferred distance and the fewest things close to the
+    lens, moves there smoothly and always stays in front of what the ray hits.
     """
     distance = 1.0 + 1.5 * base_height_m
     yaw = np.unwrap(quat_to_yaw(rollout.quat_wxyz[samples]))
@@ -80,5 +86,17 @@ def _best_direction(
                 elevation - ELEVATIONS_RAD[0]
             )
             if score > best_score:
+                eye = pivot + max(min(distance, free), 0.5 * WALL_GAP_M) * direction
+                score -= CLUTTER_COST * _clutter(eye, pivot, renderer)
+            if score > best_score:
                 best, best_score = (azimuth, float(elevation)), score
     return best
+
+
+def _clutter(eye: Array, target: Array, renderer: Renderer) -> float:
+    """Return the share of the view from `eye` to `target` that is nearer than `CLEAR_M`."""
+    view = look_at(eye, target)
+    rays = [
+        view @ (np.tan(np.deg2rad(right)), -np.tan(np.deg2rad(up)), 1.0) for right, up in PROBES_DEG
+    ]
+    return float(np.mean([renderer.first_hit_m(eye, ray) < CLEAR_M for ray in rays]))

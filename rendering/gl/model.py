@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_cross
 from ...formats.scene.bundle import VisualMesh
+from ..kernels.data import TexturePack
 from ..kernels.srgb import to_srgb
 from ..scene.robot_body import GeomSurface
-from ..scene.textures import MaterialTable, TexturePack
+from ..scene.textures import MaterialTable
 
 CHUNK_M = 2.0  # width of the pieces that are culled when out of view
 MIN_AREA_M2 = 1e-10  # MuJoCo rejects smaller meshes, and they are invisible

@@ -14,7 +14,7 @@ from ...formats.scene.bundle import SceneBundle, VisualMesh
 from ..frame import Drawn, RenderRequest
 from ..interface import Renderer
 from ..kernels.data import Hits, LightArrays
-from ..kernels.drawn import light_pixels
+from ..kernels.shading import light_pixels
 from ..kernels.srgb import decode_table
 from ..light.contact_shadow import ContactShadow
 from ..scene.robot_body import GeomSurface, RobotGeometryPose, bounding_boxes

@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from ...geometry.rays.library import lanes
 from ...geometry.rays.packets import PacketScene, packet
-from ..scene.textures import TexturePack
 from .cube_grid import CubeGrid
 
 F32 = NDArray[np.float32]
@@ -17,6 +16,31 @@ FAST = {"contract", "arcp", "nsz", "reassoc"}
 # Numba counts references to arrays with locked instructions, several for each array that a loop
 # touches; here these took nine tenths of the time. A kernel compiled so must create no arrays.
 UNCOUNTED = {"_nrt": False}
+
+
+class TexturePack(NamedTuple):
+    """Mip pyramids of T textures.
+
+    Attributes:
+        texels: (N,) uint32, row 0 = top of the image; 10 bits each of red (lowest), green and blue,
+            the square root of linear light. It distinguishes all sRGB bytes, is decoded by one
+            multiplication and read in one access. Each level has its first column and row again
+            at its end, so that a pixel and its right neighbour, also around the edge, are one load.
+        offset: (T, levels) int64 index into `texels` of each level.
+        size_px: (T, levels, 2) int32 width and height of each level, without what is repeated.
+        levels: (T,) int32 number of levels.
+    """
+
+    texels: NDArray[np.uint32]
+    offset: NDArray[np.int64]
+    size_px: NDArray[np.int32]
+    levels: NDArray[np.int32]
+
+    def level(self, texture: int, level: int) -> NDArray[np.uint32]:
+        """Return a level's texels (H, W)."""
+        width, height = (int(side) for side in self.size_px[texture, level])
+        rows = self.texels[self.offset[texture, level] :][: (width + 1) * (height + 1)]
+        return rows.reshape(height + 1, width + 1)[:height, :width]
 
 
 class SceneArrays(NamedTuple):

@@ -16,7 +16,7 @@ LAMP_CORE, LAMP_EDGE = 0.95, 0.5
 LAMP_SOFT_M2 = 0.25  # added to the squared distance, so that nearby surfaces are not overexposed
 # The soft dark spot under a robot; see `contact_shadow`.
 SPHERE_REACH_M = 0.8
-SPHERE_STRENGTH = 3.0
+SPHERE_STRENGTH = 6.0
 
 
 @njit(inline="always", error_model="numpy")

@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from ..scene.textures import TexturePack
+from .data import TexturePack
 from .vectors import filter_texels, prefetch
 
 f32 = np.float32

@@ -14,7 +14,7 @@ from ...formats.core.camera import CameraModel
 from ...geometry.rays.packets import PacketHits, PacketScene
 from ..frame import RenderRequest
 from ..kernels.data import Hits, LightArrays
-from ..kernels.drawn import shade_robot
+from ..kernels.shading import shade_robot
 from ..light.contact_shadow import ContactShadow
 from .robot_body import GeomSurface, RobotGeometryPose, bounding_boxes
 

@@ -4,7 +4,6 @@ import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ from PIL import Image
 
 from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import SceneBundle
+from ..kernels.data import TexturePack
 from ..kernels.srgb import decode_table, to_linear
 
 MAX_LEVELS = 16
@@ -20,31 +20,6 @@ STRIP_ROWS = 256
 MAX_TEXELS = 96_000_000  # 512 MB with all mip levels
 
 log = logging.getLogger(__name__)
-
-
-class TexturePack(NamedTuple):
-    """Mip pyramids of T textures.
-
-    Attributes:
-        texels: (N,) uint32, row 0 = top of the image; 10 bits each of red (lowest), green and blue,
-            the square root of linear light. It distinguishes all sRGB bytes, is decoded by one
-            multiplication and read in one access. Each level has its first column and row again
-            at its end, so that a pixel and its right neighbour, also around the edge, are one load.
-        offset: (T, MAX_LEVELS) int64 index into `texels` of each level.
-        size_px: (T, MAX_LEVELS, 2) int32 width and height of each level, without what is repeated.
-        levels: (T,) int32 number of levels.
-    """
-
-    texels: NDArray[np.uint32]
-    offset: NDArray[np.int64]
-    size_px: NDArray[np.int32]
-    levels: NDArray[np.int32]
-
-    def level(self, texture: int, level: int) -> NDArray[np.uint32]:
-        """Return a level's texels (H, W)."""
-        width, height = (int(side) for side in self.size_px[texture, level])
-        rows = self.texels[self.offset[texture, level] :][: (width + 1) * (height + 1)]
-        return rows.reshape(height + 1, width + 1)[:height, :width]
 
 
 @dataclass(frozen=True)

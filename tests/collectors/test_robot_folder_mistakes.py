@@ -154,24 +154,24 @@ def network_of(name: str) -> Callable[[Path], None]:
 
     def spoil(folder: Path) -> None:
         content = policy_files(get_robot(name))[0].read_bytes()
-        (folder / "policy.onnx").write_bytes(content)
-        changed_card(onnx_sha256=hashlib.sha256(content).hexdigest())(folder)
+        (folder / "policy.safetensors").write_bytes(content)
+        changed_card(network_sha256=hashlib.sha256(content).hexdigest())(folder)
 
     return spoil
 
 
 WALKING_MISTAKES = {
     "no network": (
-        drop("policy.onnx"),
-        r"nothing drives this robot's joints; valid: policy.onnx and policy",
+        drop("policy.safetensors"),
+        r"to drive this robot's joints; valid: policy.safetensors or policy.onnx, and policy",
     ),
     "no card": (
         drop("policy.json"),
-        r"nothing drives this robot's joints; valid: policy.onnx and policy",
+        r"to drive this robot's joints; valid: policy.safetensors or policy.onnx, and policy",
     ),
     "another network": (
-        lambda folder: (folder / "policy.onnx").write_bytes(b"noise"),
-        r"policy.onnx: is not the network that .*policy.json describes",
+        lambda folder: (folder / "policy.safetensors").write_bytes(b"noise"),
+        r"policy.safetensors: is not the network that .*policy.json describes",
     ),
     "no JSON": (lambda folder: (folder / "policy.json").write_text("{"), r"policy.json: not JSON"),
     "another layout": (changed_card(observation=[["gravity_base", 3]]), r"observation layout"),
@@ -193,7 +193,7 @@ WALKING_MISTAKES = {
     "limits of no aim": (changed_gait(aim=[], aim_limits=[[-1, 1]] * 3), r"aim_limits is 3×2"),
     "a network for fewer joints": (
         network_of("h1"),
-        r"policy.onnx: its input is 'observation' .*; valid: observation tensor\(float\) .*230",
+        r"policy.safetensors: it takes 194 numbers and gives 10; valid: an observation of 230",
     ),
     "no action scale": (edit(TOML, "action_scale_rad", "#"), r"action_scale_rad is missing"),
     "too many joints": (edit(TOML, "policy_joints = 12", "policy_joints = 13"), r"1 … 12"),
@@ -204,7 +204,7 @@ WALKING_MISTAKES = {
             '[drive]\nleft = ["FL_hip_joint"]\nright = ["FR_hip_joint"]\n'
             "wheel_radius_m = 0.1\ntrack_m = 1\n[camera]",
         ),
-        r"has \[drive\], but the folder also has policy.onnx|must be a <velocity",
+        r"has \[drive\], but the folder also has policy.safetensors|must be a <velocity",
     ),
     "a default out of range": (
         edit(TOML, '"FL_calf_joint", default_rad = -1.5', '"FL_calf_joint", default_rad = 1.5'),

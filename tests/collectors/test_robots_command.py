@@ -173,10 +173,10 @@ def test_a_robot_that_cannot_be_used_ends_with_code_2(
 ):
     out = tmp_path / "mydog"
     run_json(capsys, "--export", "aliengo", "--out", out)
-    network = out / "policy.onnx"
+    network = out / "policy.safetensors"
     network.write_bytes(network.read_bytes()[:1000])
     assert main(["robots", str(out)]) == 2
-    assert "policy.onnx" in capsys.readouterr().out
+    assert "policy.safetensors" in capsys.readouterr().out
 
 
 def test_an_exported_robot_is_a_robot(capsys: pytest.CaptureFixture, tmp_path: Path):
@@ -188,7 +188,7 @@ def test_an_exported_robot_is_a_robot(capsys: pytest.CaptureFixture, tmp_path: P
     assert sorted(p.name for p in out.iterdir()) == [
         "model.xml",
         "policy.json",
-        "policy.onnx",
+        "policy.safetensors",
         "robot.toml",
     ]
     (row,) = run_json(capsys, out)["robots"]

@@ -14,8 +14,7 @@ import trimesh
 from tests.security.hostile import not_files, put, refusal
 from tests.support.robot_folders import edit, written_rover
 from vlnpe.collectors.locomotion.runtime.card import load_card
-from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
-from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
+from vlnpe.collectors.locomotion.runtime.onnx_runtime import OnnxNetwork
 from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
@@ -304,7 +303,8 @@ INPUT, OUTPUT = (11, port(b"observation", 4)), (12, port(b"action", 2))
 
 def network(*, weights: bytes, node: bytes = b"", ports: Ports = (INPUT, OUTPUT)) -> bytes:
     node = node or message((1, b"observation"), (1, b"w"), (2, b"action"), (4, b"MatMul"))
-    return message((7, message((1, node), (5, weights), *ports)))
+    graph = message((1, node), (5, weights), *ports)
+    return message((1, 8), (7, graph), (8, message((2, 17))))
 
 
 EXTERNAL = (14, 1)
@@ -337,24 +337,24 @@ NETWORKS = {
     ),
     "a loop": (
         network(weights=b"", node=message((1, b"observation"), (2, b"action"), (4, b"Loop"))),
-        "may never end",
+        "Loop is not supported",
     ),
-    "counts that lie": (network(weights=tensor(b"w", (1 << 40, 1 << 40), ONES)), "have 8 numbers"),
+    "counts that lie": (network(weights=tensor(b"w", (1 << 40, 1 << 40), ONES)), "are damaged"),
     "a negative size": (
         network(weights=tensor(b"w", (2**64 - 4, 2**64 - 2), ONES)),
-        "numbers, their shape is",
+        "are damaged",
     ),
     "a size without end and none": (
         network(weights=tensor(b"w", (0, 1 << 62), b"")),
-        "have 0 numbers",
+        "are damaged",
     ),
     "a name on two lines": (
         network(weights=b"", ports=((11, port(b"a\nb", 1 << 40)), OUTPUT)),
-        r"'a\nb'",
+        "cannot read it",
     ),
     "an operator on two lines": (
         network(weights=b"", node=message((1, b"observation"), (2, b"action"), (4, b"M\nx"))),
-        r"'M\nx'",
+        "cannot read it",
     ),
     "NaN": (
         network(weights=tensor(b"w", (4, 2), struct.pack("<8f", *[float("nan")] * 8))),
@@ -373,16 +373,19 @@ NETWORKS = {
         ),
         "'alpha' is nan",
     ),
-    "a layer without end": (network(weights=tensor(b"w", (4, 9000), bytes(4 * 4 * 9000))), "8,192"),
-    "no input": (network(weights=tensor(b"w", (4, 2), ONES), ports=(OUTPUT,)), "no input"),
-    "no output": (network(weights=tensor(b"w", (4, 2), ONES), ports=(INPUT,)), "no output"),
+    "a layer without end": (
+        network(weights=tensor(b"w", (4, 9000), bytes(16 * 9000))),
+        "its output is",
+    ),
+    "no input": (network(weights=tensor(b"w", (4, 2), ONES), ports=(OUTPUT,)), "cannot read it"),
+    "no output": (network(weights=tensor(b"w", (4, 2), ONES), ports=(INPUT,)), "cannot read it"),
     "an input without end": (
         network(weights=b"", ports=((11, port(b"observation", 1 << 40)), OUTPUT)),
-        "8,192",
+        "cannot read it",
     ),
     "a layer without weights": (
         network(weights=b"", node=message((1, b"observation"), (2, b"action"), (4, b"Gemm"))),
-        "without a constant",
+        "cannot read it",
     ),
     "a cut": (network(weights=tensor(b"w", (4, 2), ONES))[:-5], "ONNX"),
     "nothing": (b"", "ONNX"),
@@ -394,18 +397,12 @@ NETWORKS = {
 @pytest.mark.parametrize("name", NETWORKS)
 def test_hostile_networks_are_refused(name: str) -> None:
     content, reason = NETWORKS[name]
-    path = Path("policy.onnx")
-
-    def read() -> None:
-        file = OnnxFile(path, content)
-        read_mlp(file)
-
-    assert reason in refusal(read).reason
+    assert reason in refusal(lambda: OnnxNetwork(Path("policy.onnx"), content)).reason
 
 
 def test_the_network_written_by_hand_is_sound() -> None:
-    file = OnnxFile(Path("policy.onnx"), network(weights=tensor(b"w", (4, 2), ONES)))
-    assert read_mlp(file).outputs == 2
+    content = network(weights=tensor(b"w", (4, 2), ONES))
+    assert OnnxNetwork(Path("policy.onnx"), content).outputs == 2
 
 
 CARD = json.loads(policy_files(get_robot("aliengo"))[1].read_text())

@@ -85,6 +85,7 @@ def make_rollout(
         command=np.stack([speed, 0 * speed, rate], -1),
         foot_names=("FL", "FR", "RL", "RR"),
         foot_contact=rng.random((count, 4)) > 0.5,
+        foot_force_n=np.random.default_rng(9).uniform(0.0, 200.0, (count, 4)),
         imu=rng.normal(size=(count, 6)),
         floor_z_m=0.01 * np.sin(position[:, 0]) + 0.002,
         actions=tuple(spans) if discrete else (),
@@ -122,6 +123,7 @@ def with_body(rollout: Rollout, joints: int, feet: int) -> Rollout:
         joint_torque_nm=rng.normal(size=(count, joints)),
         foot_names=("left_foot", "right_foot")[:feet],
         foot_contact=rng.random((count, feet)) > 0.5,
+        foot_force_n=rng.uniform(0.0, 200.0, (count, feet)),
     )
 
 

@@ -39,6 +39,7 @@ def glide(points_xy_m: ArrayLike, robot: str = "aliengo", speed_m_s: float = 0.8
         command=still,
         foot_names=feet,
         foot_contact=np.ones((count, len(feet)), dtype=bool),
+        foot_force_n=np.full((count, len(feet)), 100.0),
         imu=np.zeros((count, 6)),
         floor_z_m=np.zeros(count),
         actions=(),

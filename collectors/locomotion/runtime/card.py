@@ -36,7 +36,7 @@ class PolicyCard:
             written before motors had limits.
         rate_hz: calls per second.
         gait: the gait clock.
-        onnx_sha256: digest of the ONNX file.
+        network_sha256: digest of the network's file.
         training: configuration, seed, samples, wall time, versions.
         evaluation: table of `evaluate.py`.
     """
@@ -53,7 +53,7 @@ class PolicyCard:
     torque_nm: tuple[float, ...]
     rate_hz: float
     gait: GaitClock
-    onnx_sha256: str
+    network_sha256: str
     training: dict[str, Any]
     evaluation: dict[str, Any]
     speed_rad_s: tuple[float | None, ...] = ()

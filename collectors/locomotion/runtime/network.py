@@ -1,17 +1,22 @@
-"""A small multilayer perceptron in compiled code: what a gait's network is."""
+"""A gait's network: a small multilayer perceptron in compiled code, read from safetensors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load, save
+
+from ....formats.core.errors import FileFormatError, brief
 
 Array = NDArray[np.float32]
+Layers = tuple[list[Array], list[Array]]
 
-# What follows a layer's sum; `Elu` and `LeakyRelu` have a slope `alpha` below zero.
-ACTIVATIONS = ("Identity", "Elu", "Relu", "LeakyRelu", "Tanh", "Sigmoid")
+MAX_WIDTH = 8192
 
 
 class Network(Protocol):
@@ -30,61 +35,79 @@ class Network(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Layer:
-    """`activation(weight @ x + bias)`.
+def encode_layers(
+    weights: Sequence[NDArray[np.floating]], biases: Sequence[NDArray[np.floating]]
+) -> bytes:
+    """Return layers as a safetensors file: `weight_0` (outputs, inputs), `bias_0`, and so on."""
+    layers = enumerate(zip(weights, biases, strict=True))
+    return save(
+        {
+            f"{kind}_{k}": np.ascontiguousarray(values, dtype=np.float32)
+            for k, pair in layers
+            for kind, values in zip(("weight", "bias"), pair, strict=True)
+        }
+    )
 
-    Attributes:
-        weight: (outputs, inputs) float64.
-        bias: (outputs,) float64.
-        activation: one of `ACTIVATIONS`.
-        alpha: its slope below zero, where it has one.
+
+def decode_layers(path: Path, content: bytes) -> Layers:
+    """Return the weights and biases in a file of `encode_layers`; `path` is for errors.
+
+    Raises:
+        FileFormatError: no safetensors, or tensors that are not the layers of one network.
     """
-
-    weight: NDArray[np.float64]
-    bias: NDArray[np.float64]
-    activation: str = "Identity"
-    alpha: float = 1.0
+    try:
+        tensors = load(content)
+    except (SafetensorError, KeyError, ValueError) as error:
+        raise FileFormatError(path, f"not a safetensors file: {brief(error)}") from error
+    count = max(1, len(tensors) // 2)
+    names = [f"{kind}_{k}" for k in range(count) for kind in ("weight", "bias")]
+    if sorted(tensors) != sorted(names):
+        raise FileFormatError(
+            path, f"its tensors are {brief(sorted(tensors))}; valid: weight_0, bias_0, weight_1, …"
+        )
+    weights, biases = ([tensors[name] for name in names[at::2]] for at in (0, 1))
+    for k, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
+        sizes = weight.ndim == 2 and bias.shape == weight.shape[:1] and min(weight.shape) >= 1
+        if not sizes or max(weight.shape) > MAX_WIDTH:
+            raise FileFormatError(
+                path,
+                f"weight_{k} is {weight.shape} and bias_{k} {bias.shape}; valid: "
+                f"(outputs, inputs) and (outputs,), up to {MAX_WIDTH:,}",
+            )
+        if {weight.dtype, bias.dtype} != {np.dtype(np.float32)}:
+            raise FileFormatError(path, f"layer {k} holds {weight.dtype}; valid: float32")
+        if not (np.isfinite(weight).all() and np.isfinite(bias).all()):
+            raise FileFormatError(path, f"layer {k} holds numbers that are not finite")
+    for k, (first, second) in enumerate(pairwise(weights), start=1):
+        if second.shape[1] != len(first):
+            raise FileFormatError(
+                path,
+                f"weight_{k} takes {second.shape[1]} numbers, given {len(first)}",
+            )
+    return weights, biases
 
 
 class Mlp:
-    """Layers one after the other, computed in float32 without a library's cost per call.
+    """Linear layers with ELU between them, computed in float32 without a library's cost per call.
 
     A row of weights is only read from its first to its last number that is not zero, which halves
     the work for a network that stands beside its mirror image.
     """
 
-    def __init__(self, layers: Sequence[Layer]) -> None:
-        """Get ready.
-
-        Args:
-            layers: each takes what the one before it gives.
-        """
-        self.inputs, self.outputs = layers[0].weight.shape[1], layers[-1].weight.shape[0]
-        weights = [layer.weight.astype(np.float32) for layer in layers]
+    def __init__(self, weights: Sequence[Array], biases: Sequence[Array]) -> None:
+        """Prepare layers of weights (outputs, inputs) and biases (outputs,)."""
+        self.inputs, self.outputs = weights[0].shape[1], weights[-1].shape[0]
         self._sizes = np.array([self.inputs, *(len(weight) for weight in weights)])
         self._spans = np.concatenate([_spans(weight) for weight in weights])
         self._weights = np.concatenate([weight.ravel() for weight in weights])
-        self._biases = np.concatenate([layer.bias for layer in layers]).astype(np.float32)
-        self._kinds = np.array([ACTIVATIONS.index(layer.activation) for layer in layers])
-        self._alphas = np.array([layer.alpha for layer in layers], dtype=np.float32)
+        self._biases = np.concatenate(biases)
         self._work = np.zeros((2, 1, self._sizes.max()), dtype=np.float32)
 
     def run(self, observation: Array, action: Array) -> None:
         """Fill `action` (N, outputs) from `observation` (N, inputs); both float32, C order."""
         if len(observation) > self._work.shape[1]:
             self._work = np.zeros((2, len(observation), self._sizes.max()), dtype=np.float32)
-        _run(
-            observation,
-            self._sizes,
-            self._spans,
-            self._weights,
-            self._biases,
-            self._kinds,
-            self._alphas,
-            self._work,
-            action,
-        )
+        _run(observation, self._sizes, self._spans, self._weights, self._biases, self._work, action)
 
 
 def _spans(weight: Array) -> NDArray[np.int64]:
@@ -97,14 +120,13 @@ def _spans(weight: Array) -> NDArray[np.int64]:
 
 # The order of a sum is left to the compiler, which then adds several numbers at once.
 @njit(cache=True, fastmath={"reassoc", "nsz", "contract"})
-def _run(seen, sizes, spans, weights, biases, kinds, alphas, work, action):
+def _run(seen, sizes, spans, weights, biases, work, action):
     one, zero = np.float32(1.0), np.float32(0.0)
     count = seen.shape[0]
     here, there = work[0], work[1]
     here[:count, : sizes[0]] = seen
-    row, start = 0, 0
-    for layer in range(len(kinds)):
-        kind, alpha = kinds[layer], alphas[layer]
+    row, start, last = 0, 0, len(sizes) - 2
+    for layer in range(last + 1):
         for j in range(sizes[layer + 1]):
             first, end = spans[row, 0], spans[row, 1]
             factors, bias = weights[start + first : start + end], biases[row]
@@ -114,16 +136,8 @@ def _run(seen, sizes, spans, weights, biases, kinds, alphas, work, action):
                 for i in range(len(factors)):
                     total += factors[i] * values[i]
                 total += bias
-                if kind == 1:
-                    total = total if total > zero else alpha * (np.exp(total) - one)
-                elif kind == 2:
-                    total = max(total, zero)
-                elif kind == 3:
-                    total = total if total > zero else alpha * total
-                elif kind == 4:
-                    total = np.tanh(total)
-                elif kind == 5:
-                    total = one / (one + np.exp(-total))
+                if layer < last:
+                    total = total if total > zero else np.exp(total) - one
                 there[n, j] = total
             row += 1
             start += sizes[layer]

@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.errors import FileFormatError
 from ....formats.untrusted.files import read_input
-from ...robots import CARD_NAME, POLICY_NAME, RobotHandles, RobotSpec
+from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
-from .network import Network
-from .onnx_file import OnnxFile
-from .onnx_runtime import load_network
+from .network import Mlp, Network, decode_layers
+from .onnx_runtime import OnnxNetwork
 from .quick import QuickStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
@@ -48,17 +47,27 @@ class GaitPolicy:
             PolicyMismatchError: trained on another model, joint order or observation layout, or
                 the network is not the card's.
         """
-        onnx_path, card_path = policy_files(robot, folder)
+        path, card_path = policy_files(robot, folder)
         card = load_card(card_path)
         card.check(robot, card_path)
-        if not onnx_path.is_file():
-            raise FileFormatError(onnx_path, "missing; it is the policy's network")
-        content = read_input(onnx_path, max_bytes=MAX_NETWORK_BYTES)
-        if hashlib.sha256(content).hexdigest() != card.onnx_sha256:
-            raise PolicyMismatchError(onnx_path, f"is not the network that {card_path} describes")
-        file = OnnxFile(onnx_path, content)
-        _check_ports(file, card)
-        return cls(robot, card, load_network(file, content))
+        if not path.is_file():
+            raise FileFormatError(path, "missing; it is the policy's network")
+        content = read_input(path, max_bytes=MAX_NETWORK_BYTES)
+        if hashlib.sha256(content).hexdigest() != card.network_sha256:
+            raise PolicyMismatchError(path, f"is not the network that {card_path} describes")
+        network = (
+            OnnxNetwork(path, content)
+            if path.suffix == ".onnx"
+            else Mlp(*decode_layers(path, content))
+        )
+        sizes = sum(width for _, width in card.observation), len(card.joints)
+        if (network.inputs, network.outputs) != sizes:
+            raise PolicyMismatchError(
+                path,
+                f"it takes {network.inputs} numbers and gives {network.outputs}; valid: "
+                f"an observation of {sizes[0]} and actions for {sizes[1]} joints",
+            )
+        return cls(robot, card, network)
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
         """Return the same network for other facts; nothing is checked again."""
@@ -126,31 +135,13 @@ class GaitPolicy:
 
 
 def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:
-    """Return where a robot's network and card are: `<robot>.onnx`, `<robot>.json` in `folder`.
+    """Return where a robot's network and card are: `<robot>.safetensors`, `<robot>.json`.
 
-    Without a folder, ours beside this file, and those of a user's own robot in its folder.
+    Without a folder they are ours beside this package, or, for a user's own robot, those in its
+    folder: `policy.onnx` or `policy.safetensors`, and `policy.json`.
     """
     if folder is None and robot.folder is not None:
-        return robot.folder / POLICY_NAME, robot.folder / CARD_NAME
+        paths = [robot.folder / name for name in NETWORK_NAMES]
+        return next((p for p in paths if p.is_file()), paths[0]), robot.folder / CARD_NAME
     folder = folder or POLICY_FOLDER
-    return folder / f"{robot.name}.onnx", folder / f"{robot.name}.json"
-
-
-def _check_ports(file: OnnxFile, card: PolicyCard) -> None:
-    """Check that the network takes the observation and returns one action per joint.
-
-    Raises:
-        PolicyMismatchError: another input or output.
-    """
-    seen = sum(width for _, width in card.observation)
-    for what, ports, name, width in (
-        ("input", file.inputs, "observation", seen),
-        ("output", file.outputs, "action", len(card.joints)),
-    ):
-        given = [(port.name, port.is_float, port.shape[-1:]) for port in ports]
-        if given != [(name, True, (width,))]:
-            raise PolicyMismatchError(
-                file.path,
-                f"its {what} is {', '.join(map(str, ports))}; "
-                f"valid: {name} tensor(float) ['batch', {width}]",
-            )
+    return folder / f"{robot.name}.safetensors", folder / f"{robot.name}.json"

@@ -26,13 +26,14 @@ from numpy.typing import NDArray
 from ....formats.core.atomic import atomic_file
 from ...robots import POLICY_DECIMATION, RobotSpec, get_robot
 from ..runtime.card import PolicyCard, save_card
+from ..runtime.network import encode_layers
 from ..runtime.observation import layout
 from ..runtime.policy import GaitPolicy, policy_files
 from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
 from .correction import PAST, Corrected, Correction, Samples, beside
-from .export import Array, layers_of, plain_card, to_onnx
+from .export import Array, layers_of, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
 
 log = logging.getLogger(__name__)
@@ -162,14 +163,14 @@ def _write(
 ) -> None:
     """Write network and card to `out`; the calibration stays."""
     robot = gait.robot
-    content = to_onnx(*beside(layers_of(policy_files(robot, start)[0]), correction.layers()))
+    content = encode_layers(*beside(layers_of(robot, start), correction.layers()))
     card = replace(
         _card(gait.card, robot),
-        onnx_sha256=hashlib.sha256(content).hexdigest(),
+        network_sha256=hashlib.sha256(content).hexdigest(),
         training={**gait.card.training, "anticipation": facts},
     )
-    onnx_path, card_path = policy_files(robot, out)
-    with atomic_file(onnx_path) as temporary:
+    path, card_path = policy_files(robot, out)
+    with atomic_file(path) as temporary:
         temporary.write_bytes(content)
     save_card(card, card_path)
 
@@ -208,7 +209,7 @@ def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int 
         facts = {
             **state,
             "seed": seed,
-            "of": gait.card.onnx_sha256,
+            "of": gait.card.network_sha256,
             "late_substeps": LATE_SUBSTEPS,
         }
         _write(gait, start, correction, facts, out)

@@ -1,4 +1,4 @@
-"""From a trained actor to the ONNX file that runs everywhere, and back for a refinement."""
+"""Convert a trained actor to the network that replays run, and back for a refinement."""
 
 import hashlib
 import math
@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnx
 import torch
 from numpy.typing import NDArray
-from onnx import TensorProto, helper, numpy_helper
 
 from ....formats.core.atomic import atomic_file
 from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from ..runtime.card import PolicyCard, load_card, save_card
+from ..runtime.network import decode_layers, encode_layers
 from ..runtime.observation import layout
 from ..runtime.policy import policy_files
 from .config import TrainingConfig
@@ -26,8 +25,8 @@ Array = NDArray[np.float64]
 LOOK_STEPS = 200  # policy steps over which the observations' mean and spread are taken
 
 
-def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> bytes:
-    """Serialise `rsl_rl`'s actor (normaliser and ELU network) as `observation` → `action`.
+def encode_actor(actor: torch.nn.Module, mirror: Symmetry | None = None) -> bytes:
+    """Serialise `rsl_rl`'s actor (normaliser and ELU network); see `encode_layers`.
 
     The observation normalisation is folded into the first layer, so that the file needs nothing
     beside it. With `mirror` the file holds the mean of the network and its mirror image, which is
@@ -44,34 +43,7 @@ def actor_to_onnx(actor: torch.nn.Module, mirror: Symmetry | None = None) -> byt
     biases[0] = biases[0] - weights[0] @ mean
     if mirror is not None:
         weights, biases = with_mirror_image(weights, biases, mirror)
-    return to_onnx(weights, biases)
-
-
-def to_onnx(weights: Sequence[Array], biases: Sequence[Array]) -> bytes:
-    """Serialise layers with ELU between them as `observation` → `action`."""
-    nodes, constants, value = [], [], "observation"
-    for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-        last = i == len(weights) - 1
-        output = "action" if last else f"linear_{i}"
-        nodes.append(helper.make_node("Gemm", [value, f"w{i}", f"b{i}"], [output], transB=1))
-        constants.append(numpy_helper.from_array(weight.astype(np.float32), f"w{i}"))
-        constants.append(numpy_helper.from_array(bias.astype(np.float32), f"b{i}"))
-        value = output
-        if not last:
-            nodes.append(helper.make_node("Elu", [value], [f"hidden_{i}"]))
-            value = f"hidden_{i}"
-    inputs, outputs = weights[0].shape[1], weights[-1].shape[0]
-    graph = helper.make_graph(
-        nodes,
-        "gait",
-        [helper.make_tensor_value_info("observation", TensorProto.FLOAT, ["batch", inputs])],
-        [helper.make_tensor_value_info("action", TensorProto.FLOAT, ["batch", outputs])],
-        constants,
-    )
-    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
-    model.ir_version = 8
-    onnx.checker.check_model(model)
-    return model.SerializeToString()
+    return encode_layers(weights, biases)
 
 
 def with_mirror_image(
@@ -92,11 +64,10 @@ def with_mirror_image(
     return weights, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
 
 
-def layers_of(path: Path) -> tuple[list[Array], list[Array]]:
-    """Return the weights and biases of a network that `to_onnx` wrote."""
-    tensors = {t.name: numpy_helper.to_array(t) for t in onnx.load(str(path)).graph.initializer}
-    count = len(tensors) // 2
-    weights, biases = ([tensors[f"{kind}{i}"] for i in range(count)] for kind in "wb")
+def layers_of(robot: RobotSpec, folder: Path | None = None) -> tuple[list[Array], list[Array]]:
+    """Return the weights and biases of the gait in a folder, float64; default the installed one."""
+    path = policy_files(robot, folder)[0]
+    weights, biases = decode_layers(path, path.read_bytes())
     return [w.astype(np.float64) for w in weights], [b.astype(np.float64) for b in biases]
 
 
@@ -118,8 +89,8 @@ def write_policy(
     training: dict[str, Any],
     folder: Path,
 ) -> None:
-    """Write `<robot>.onnx` and `<robot>.json` (without an evaluation yet) into `folder`."""
-    content = actor_to_onnx(actor, Symmetry.of(robot))
+    """Write `<robot>.safetensors` and `<robot>.json` (without an evaluation yet) into `folder`."""
+    content = encode_actor(actor, Symmetry.of(robot))
     card = PolicyCard(
         robot=robot.name,
         physics_hash=robot.physics_hash(),
@@ -134,13 +105,14 @@ def write_policy(
         speed_rad_s=motor_speeds(robot),
         rate_hz=1.0 / (TIMESTEP_S * POLICY_DECIMATION),
         gait=GAITS[robot.name],
-        onnx_sha256=hashlib.sha256(content).hexdigest(),
+        network_sha256=hashlib.sha256(content).hexdigest(),
         training=training,
         evaluation={},
     )
-    with atomic_file(folder / f"{robot.name}.onnx") as temporary:
+    path, card_path = policy_files(robot, folder)
+    with atomic_file(path) as temporary:
         temporary.write_bytes(content)
-    save_card(card, folder / f"{robot.name}.json")
+    save_card(card, card_path)
 
 
 def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
@@ -159,7 +131,7 @@ def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
 
 
 def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None:
-    """Give a fresh actor the weights of `<robot>.onnx`, undoing what `export.py` folded in.
+    """Give a fresh actor the weights of `<robot>.safetensors`, undoing what `export.py` folded in.
 
     An exported network is the mean of an actor and its mirror image side by side: its first half
     is the actor. What the export folded into the first layer, the observations' normalisation, is
@@ -167,12 +139,12 @@ def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None
 
     Args:
         robot: whose gait.
-        folder: of the ONNX file.
+        folder: of the gait.
         env: walked for 4 s.
         actor: `rsl_rl`'s, with a normaliser and an ELU network of half the exported widths.
     """
     plain_card(robot, folder)
-    weights, biases = layers_of(policy_files(robot, folder)[0])
+    weights, biases = layers_of(robot, folder)
     linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
     for i, layer in enumerate(linear):
         rows, columns = layer.weight.shape

@@ -182,7 +182,7 @@ def _facts(
     start = {}
     if refine:
         card = plain_card(robot, refine)
-        start = {"start": {"onnx_sha256": card.onnx_sha256, "training": card.training}}
+        start = {"start": {"network_sha256": card.network_sha256, "training": card.training}}
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
         "seed": seed,

@@ -18,7 +18,7 @@ from ....formats.core.atomic import atomic_file
 from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
 from ..runtime.card import POLICY_FOLDER, save_card
-from ..runtime.policy import GaitPolicy
+from ..runtime.policy import GaitPolicy, policy_files
 from .aim import calibrated
 from .driven import action_errors, follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
@@ -81,10 +81,10 @@ def publish(robot: RobotSpec, source: Path, target: Path, scale: float = 1.0) ->
     policy = GaitPolicy.load(robot, source)
     policy = policy if policy.card.gait.aim else calibrated(policy)
     card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
-    network = (source / f"{robot.name}.onnx").read_bytes()
-    with atomic_file(target / f"{robot.name}.onnx") as temporary:
-        temporary.write_bytes(network)
-    save_card(card, target / f"{robot.name}.json")
+    path, card_path = policy_files(robot, target)
+    with atomic_file(path) as temporary:
+        temporary.write_bytes(policy_files(robot, source)[0].read_bytes())
+    save_card(card, card_path)
     return card.evaluation
 
 
@@ -110,7 +110,7 @@ def main(
 
     Args:
         robot: registry name.
-        policy: folder of `<robot>.onnx` and `<robot>.json`; default the installed one.
+        policy: folder of `<robot>.safetensors` and `<robot>.json`; default the installed one.
         seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
         publish_it: install the policy, with its table, beside this file.

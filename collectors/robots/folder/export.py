@@ -15,7 +15,7 @@ from ....formats.core.atomic import atomic_folder, write_json
 from ....formats.core.errors import InputError
 from ..spec import RobotSpec
 from .facts import FACTS_NAME, NAME_PATTERN
-from .load import CARD_NAME, POLICY_NAME, load_robot_folder
+from .load import CARD_NAME, load_robot_folder
 from .model import MODEL_NAME
 
 
@@ -40,7 +40,7 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
         (folder / MODEL_NAME).write_text(exact_mjcf(robot.spec()))
         (folder / FACTS_NAME).write_text(facts_text(robot, out.name))
         if policy is not None:
-            shutil.copyfile(policy[0], folder / POLICY_NAME)
+            shutil.copyfile(policy[0], folder / f"policy{policy[0].suffix}")
             card = json.loads(policy[1].read_text())
             write_json(folder / CARD_NAME, {**card, "robot": out.name})
     return load_robot_folder(out)

@@ -2,7 +2,8 @@
 
 - robot.toml: facts.
 - model.xml: MJCF, with its meshes beside it.
-- policy.onnx, policy.json: the trained gait of a robot that walks, and its card.
+- policy.safetensors or policy.onnx, and policy.json: the trained gait of a robot that walks, and
+  its card.
 """
 
 import hashlib
@@ -20,7 +21,7 @@ from .model import MODEL_NAME, compile_model, load_model
 from .reader import ModelReader
 from .safety import check_model, folder_files
 
-POLICY_NAME, CARD_NAME = "policy.onnx", "policy.json"
+NETWORK_NAMES, CARD_NAME = ("policy.safetensors", "policy.onnx"), "policy.json"
 SPAWN_GAP_M = 0.001
 
 
@@ -89,18 +90,19 @@ def _check_mover(folder: Path, facts: FolderFacts) -> None:
         FileFormatError: it has both or neither, or lacks what belongs to it.
     """
     path = folder / FACTS_NAME
-    policy = [name for name in (POLICY_NAME, CARD_NAME) if (folder / name).is_file()]
+    policy = [name for name in (*NETWORK_NAMES, CARD_NAME) if (folder / name).is_file()]
     if facts.drive is not None:
         if policy:
             raise FileFormatError(
                 path, f"has [drive], but the folder also has {policy[0]}; valid: one of them"
             )
     elif facts.joints:
-        if len(policy) < 2:
+        if len(policy) != 2 or CARD_NAME not in policy:
             raise FileFormatError(
                 folder,
-                f"nothing drives this robot's joints; valid: {POLICY_NAME} and {CARD_NAME} for one "
-                f"that walks, [drive] in {FACTS_NAME} for one on wheels",
+                f"{' and '.join(policy) or 'nothing'} to drive this robot's joints; valid: "
+                f"{' or '.join(NETWORK_NAMES)}, and {CARD_NAME}, for one that walks, [drive] in "
+                f"{FACTS_NAME} for one on wheels",
             )
         if facts.action_scale_rad is None:
             raise FileFormatError(

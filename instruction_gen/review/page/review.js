@@ -187,7 +187,7 @@ function draw(share) {
     pen.fillStyle = thing.noun === "doorway" ? "#f0e2b6" : "#dfe7f3";
     pen.fillRect(X(thing.low[0]), Y(thing.high[1]), width, height);
     pen.fillStyle = "#334";
-    if (thing.noun !== "doorway" && width > 14) pen.fillText(thing.noun, X(thing.low[0]) + 2, Y(thing.high[1]) + 12);
+    if (!/doorway|lamp|rug/.test(thing.noun) && width > 14) pen.fillText(thing.noun, X(thing.low[0]) + 2, Y(thing.high[1]) + 12);
   }
   pen.lineWidth = 3;
   const last = share * (data.path.length - 1);

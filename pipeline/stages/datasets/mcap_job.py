@@ -15,7 +15,7 @@ from ....formats.mcap.rollout import SHOW_EVERY
 from ....formats.mcap.shown import ShownTopic, map_topic
 from ....formats.rendered.folder import read_frame_folder
 from ....formats.scene.bundle import SceneBundle, load_bundle
-from ....rendering.scene.shown_links import robot_links
+from ....rendering.scene.link_shapes import robot_links
 from ...engine.work import ItemResult
 from ...provenance import encoding_facts, scene_provenance
 from ..instructions.reviewed import reviewed_rollout

@@ -11,12 +11,12 @@ pytest.importorskip("torch", reason="extra `train` is not installed")
 
 from vlnpe.collectors.locomotion.runtime import GaitPolicy
 from vlnpe.collectors.locomotion.runtime.card import save_card
-from vlnpe.collectors.locomotion.runtime.network import Layer, Mlp
+from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers, encode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout, past_steps, remember
 from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.locomotion.training import anticipate
 from vlnpe.collectors.locomotion.training.correction import HIDDEN, PAST, Correction, beside
-from vlnpe.collectors.locomotion.training.export import layers_of, to_onnx
+from vlnpe.collectors.locomotion.training.export import layers_of
 from vlnpe.collectors.locomotion.training.mirror import Symmetry
 from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial
 from vlnpe.collectors.robots import get_robot
@@ -29,7 +29,7 @@ JOINTS = ROBOT.policy_joints
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the gait inside the installed one, which anticipates delays."""
     folder = tmp_path_factory.mktemp("plain")
-    weights, biases = layers_of(policy_files(ROBOT)[0])
+    weights, biases = layers_of(ROBOT)
     seen = layout(JOINTS)
     columns = sum(width for _, width in seen)
     for i, weight in enumerate(weights):
@@ -37,18 +37,17 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rows = JOINTS if i == len(weights) - 1 else len(weight) - 2 * HIDDEN
         weights[i], biases[i] = weight[:rows, :columns], biases[i][:rows]
         columns = rows
-    content = to_onnx(weights, biases)
+    content = encode_layers(weights, biases)
     network, card = policy_files(ROBOT, folder)
     network.write_bytes(content)
     digest = hashlib.sha256(content).hexdigest()
-    save_card(replace(GaitPolicy.load(ROBOT).card, observation=seen, onnx_sha256=digest), card)
+    save_card(replace(GaitPolicy.load(ROBOT).card, observation=seen, network_sha256=digest), card)
     return folder
 
 
 def run(weights: list[np.ndarray], biases: list[np.ndarray], seen: np.ndarray) -> np.ndarray:
     """What the layers make of observations (N, D), with ELU between them."""
-    kinds = ["Elu"] * (len(weights) - 1) + ["Identity"]
-    network = Mlp([Layer(w, b, k) for w, b, k in zip(weights, biases, kinds, strict=True)])
+    network = Mlp(*decode_layers(Path("policy.safetensors"), encode_layers(weights, biases)))
     action = np.zeros((len(seen), network.outputs), dtype=np.float32)
     network.run(seen.astype(np.float32), action)
     return action
@@ -107,7 +106,7 @@ def test_a_tiny_training_resumes_and_its_gait_stands(
 
 
 def test_an_untrained_correction_adds_nothing(plain: Path) -> None:
-    gait = layers_of(policy_files(ROBOT, plain)[0])
+    gait = layers_of(ROBOT, plain)
     both = beside(gait, Correction(ROBOT).layers())
     seen = np.random.default_rng(2).normal(0, 1, (8, both[0][0].shape[1]))
     width = gait[0][0].shape[1]

@@ -128,6 +128,24 @@ def test_tracks_velocities_with_lifted_feet_and_little_slip(policy: GaitPolicy):
     assert result["foot_slip_m_s"] < 0.1
 
 
+@pytest.mark.parametrize("name", list(GAITS))
+def test_soles_stand_on_the_floor_and_barely_sink_at_touch_down(name: str):
+    robot = get_robot(name)
+    walk = Walk(GaitPolicy.load(robot), robot.build_model())
+    soles, radius_m = walk.handles.sole_geoms, walk.handles.sole_radius_m
+    depth_m, touching = [], []
+    for command in [(0.0, 0.0, 0.0)] * 50 + [(0.8, 0.0, 0.3)] * 150:
+        walk.go(command, 0.02)
+        mujoco.mj_kinematics(walk.model, walk.data)
+        depth_m.append((radius_m - walk.data.geom_xpos[soles, 2]).max(axis=1))
+        touching.append(walk.data.sensordata[walk.handles.foot_touch] > 1.0)
+    standing_m = depth_m[49]
+    assert np.abs(standing_m).max() < 0.002
+    sunk = np.array(depth_m)[np.array(touching)]
+    assert np.quantile(sunk, 0.95) < 0.005
+    assert sunk.max() < 0.013
+
+
 def test_reaches_the_end_of_random_paths(policy: GaitPolicy):
     rng = np.random.default_rng(11)
     assert follow_paths(policy, 6, Conditions(), rng)["reached"] == 1.0
@@ -155,7 +173,7 @@ def test_same_start_gives_the_same_walk(policy: GaitPolicy):
 
 
 def copied(policy: GaitPolicy, folder: Path) -> Path:
-    for suffix in ("json", "onnx"):
+    for suffix in ("json", "safetensors"):
         shutil.copy(POLICY_FOLDER / f"{policy.robot.name}.{suffix}", folder)
     return folder / f"{policy.robot.name}.json"
 
@@ -168,7 +186,7 @@ def copied(policy: GaitPolicy, folder: Path) -> Path:
         ("joints", ["a", "b"], "joints"),
         ("action_scale_rad", 0.3, "action scale"),
         ("robot", "spot", "robot"),
-        ("onnx_sha256", "0" * 64, "network"),
+        ("network_sha256", "0" * 64, "network"),
     ],
 )
 def test_refuses_a_policy_of_something_else(policy, tmp_path, key, value, message):
@@ -203,7 +221,7 @@ def test_a_missing_policy_is_named(policy: GaitPolicy, tmp_path: Path):
 
 
 def test_policy_file_is_small(policy: GaitPolicy):
-    assert (POLICY_FOLDER / f"{policy.robot.name}.onnx").stat().st_size < 2_000_000
+    assert (POLICY_FOLDER / f"{policy.robot.name}.safetensors").stat().st_size < 2_000_000
 
 
 def test_observation_matches_mujocos_own_frames(policy: GaitPolicy):

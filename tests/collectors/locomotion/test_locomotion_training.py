@@ -16,14 +16,13 @@ from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from vlnpe.collectors.locomotion.runtime import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers, encode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout
-from vlnpe.collectors.locomotion.runtime.onnx_file import OnnxFile
-from vlnpe.collectors.locomotion.runtime.onnx_mlp import read_mlp
 from vlnpe.collectors.locomotion.training import export, train
 from vlnpe.collectors.locomotion.training.blend import blended
 from vlnpe.collectors.locomotion.training.config import PHASES, TrainingConfig, refinement_config
 from vlnpe.collectors.locomotion.training.env import GaitEnv
-from vlnpe.collectors.locomotion.training.export import actor_to_onnx
+from vlnpe.collectors.locomotion.training.export import encode_actor
 from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.locomotion.training.mirror import (
     Symmetry,
@@ -50,7 +49,7 @@ def robot(request):
 def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeypatch):
     monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 2),)})
     train.train(robot, tmp_path, seed=0, threads=1)
-    first = (tmp_path / f"{robot.name}.onnx").read_bytes()
+    first = (tmp_path / f"{robot.name}.safetensors").read_bytes()
     assert GaitPolicy.load(robot, tmp_path).card.training["iterations"] == 2
     phases = (tiny(robot), 2), (tiny(robot, "rough"), 1)
     monkeypatch.setattr(train, "PHASES", {robot.name: phases})
@@ -58,7 +57,7 @@ def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeyp
     card = GaitPolicy.load(robot, tmp_path).card
     assert card.training["iterations"] == 3
     assert card.training["samples"] == 3 * 8 * 6
-    assert (tmp_path / f"{robot.name}.onnx").read_bytes() != first
+    assert (tmp_path / f"{robot.name}.safetensors").read_bytes() != first
     with (tmp_path / "curve.csv").open() as file:
         assert [int(row["iteration"]) for row in csv.DictReader(file)] == [2, 3]
     # Nothing is left to do: a third call changes nothing.
@@ -89,7 +88,7 @@ def trained_actor(robot: RobotSpec) -> tuple[Any, TensorDict]:
 
 
 def act(content: bytes, observation: np.ndarray) -> np.ndarray:
-    network = read_mlp(OnnxFile(Path("policy.onnx"), content))
+    network = Mlp(*decode_layers(Path("policy.safetensors"), content))
     action = np.zeros((len(observation), network.outputs), np.float32)
     network.run(observation, action)
     return action
@@ -98,7 +97,7 @@ def act(content: bytes, observation: np.ndarray) -> np.ndarray:
 def test_exported_network_is_the_trained_one(robot):
     actor, observation = trained_actor(robot)
     expected = actor(observation).detach().numpy()
-    given = act(actor_to_onnx(actor), observation["policy"].numpy())
+    given = act(encode_actor(actor), observation["policy"].numpy())
     np.testing.assert_allclose(given, expected, atol=2e-5)
 
 
@@ -108,11 +107,11 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
     done, done_signs = mirror_joints(robot)
     one = observation["policy"].numpy()
     other = one[:, seen] * np.asarray(seen_signs, dtype=np.float32)
-    content = actor_to_onnx(actor, Symmetry.of(robot))
+    content = encode_actor(actor, Symmetry.of(robot))
     here, there = act(content, one), act(content, other)
     np.testing.assert_allclose(there[:, done] * done_signs, here, atol=2e-5)
     # It is the mean of the plain network here and its mirror image.
-    plain = actor_to_onnx(actor)
+    plain = encode_actor(actor)
     mean = 0.5 * (act(plain, one) + act(plain, other)[:, done] * done_signs)
     np.testing.assert_allclose(here, mean, atol=2e-5)
 
@@ -129,21 +128,22 @@ def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, m
 
     def start(*arguments):
         refining(*arguments)
-        started.append(actor_to_onnx(arguments[3].alg.actor, Symmetry.of(robot)))
+        started.append(encode_actor(arguments[3].alg.actor, Symmetry.of(robot)))
 
     monkeypatch.setattr(train, "_start_refining", start)
     train.train(robot, tmp_path, seed=0, threads=1, refine=source)
-    first = (source / f"{robot.name}.onnx").read_bytes()
+    first = (source / f"{robot.name}.safetensors").read_bytes()
     inputs = sum(width for _, width in layout(robot.policy_joints))
     observation = np.random.default_rng(0).normal(0, 0.3, (32, inputs)).astype(np.float32)
     np.testing.assert_allclose(act(started[0], observation), act(first, observation), atol=2e-3)
     # One iteration later it is another one, which says where it comes from.
     card = GaitPolicy.load(robot, tmp_path).card
-    assert (tmp_path / f"{robot.name}.onnx").read_bytes() != started[0]
-    assert card.training["start"]["onnx_sha256"] == hashlib.sha256(first).hexdigest()
+    assert (tmp_path / f"{robot.name}.safetensors").read_bytes() != started[0]
+    assert card.training["start"]["network_sha256"] == hashlib.sha256(first).hexdigest()
     # Half of it is between both.
-    half = blended(first, (tmp_path / f"{robot.name}.onnx").read_bytes(), 0.5)
-    assert blended(first, half, 0.0) == blended(first, first, 1.0)
+    before, after = export.layers_of(robot, source), export.layers_of(robot, tmp_path)
+    assert encode_layers(*blended(before, after, 0.0)) == first
+    half = encode_layers(*blended(before, after, 0.5))
     far = np.abs(act(half, observation) - act(first, observation)).max()
     assert 0.0 < far < 0.5
 
@@ -152,7 +152,7 @@ def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setattr(train, "PHASES", {"h1": ((tiny(get_robot("h1")), 1),)})
     monkeypatch.setattr("sys.argv", ["train", "h1", "--out", str(tmp_path), "--threads", "1"])
     train.main()
-    assert (tmp_path / "h1.onnx").is_file()
+    assert (tmp_path / "h1.safetensors").is_file()
     monkeypatch.setattr("sys.argv", ["train", "jetbot", "--out", str(tmp_path)])
     with pytest.raises(SystemExit, match=r"jetbot.*h1"):
         train.main()
@@ -205,7 +205,7 @@ def test_a_refined_actor_is_the_exported_network_and_symmetric(robot):
     assert twice is not None
     # What it does in the mirror image is the mirror image of what it does.
     torch.testing.assert_close(action, twice)
-    exported = actor_to_onnx(actor, env.symmetry)
+    exported = encode_actor(actor, env.symmetry)
     found = act(exported, both["policy"].numpy())
     np.testing.assert_allclose(found, action.numpy(), atol=1e-4)
 

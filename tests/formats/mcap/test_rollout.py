@@ -60,6 +60,7 @@ def test_any_numbers_come_back_exactly(
         joint_torque_nm=np.full((count, joints), np.nan),
         foot_names=tuple(f"f{i}" for i in range(feet)),
         foot_contact=data.draw(arrays(np.bool_, (count, feet))),
+        foot_force_n=np.full((count, feet), 3.5),
         facts={"text": data.draw(st.text()), "numbers": [1, 0.1, None, True]},
     )
     write_rollout(tmp_path / "a.mcap", changed)

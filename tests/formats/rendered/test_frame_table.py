@@ -85,6 +85,8 @@ def test_velocities_joints_and_commands_are_the_samples() -> None:
     )
     np.testing.assert_array_equal(columns["observation.imu"], rollout.imu[at].astype("f4"))
     np.testing.assert_array_equal(columns["observation.foot_contact"], rollout.foot_contact[at])
+    force = rollout.foot_force_n[at].astype(np.float32)
+    np.testing.assert_array_equal(columns["observation.foot_force"], force)
     np.testing.assert_array_equal(columns["action.velocity"], rollout.command[at].astype("f4"))
     np.testing.assert_array_equal(
         columns["observation.state"][:, 7:10], rollout.linear_velocity_base_m_s[at].astype("f4")

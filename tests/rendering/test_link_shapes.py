@@ -6,8 +6,8 @@ import pytest
 from tests.support.walks import glide
 from vlnpe.collectors.robots import ROBOTS, get_robot
 from vlnpe.formats.core.frames import quat_to_matrix
+from vlnpe.rendering.scene.link_shapes import robot_links
 from vlnpe.rendering.scene.robot_body import RobotBody
-from vlnpe.rendering.scene.shown_links import robot_links
 
 pytestmark = pytest.mark.chain
 

@@ -1,4 +1,4 @@
-"""Kernels that light surfaces already found: a robot's hits, and pictures that OpenGL drew."""
+"""Shade surfaces whose hits are given: those of a robot, and pictures that OpenGL rendered."""
 
 import numpy as np
 from numba import njit
