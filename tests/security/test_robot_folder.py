@@ -378,7 +378,7 @@ NETWORKS = {
         "its output is",
     ),
     "no input": (network(weights=tensor(b"w", (4, 2), ONES), ports=(OUTPUT,)), "cannot read it"),
-    "no output": (network(weights=tensor(b"w", (4, 2), ONES), ports=(INPUT,)), "cannot read it"),
+    "no output": (network(weights=tensor(b"w", (4, 2), ONES), ports=(INPUT,)), "its output is"),
     "an input without end": (
         network(weights=b"", ports=((11, port(b"observation", 1 << 40)), OUTPUT)),
         "cannot read it",
