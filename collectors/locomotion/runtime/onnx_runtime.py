@@ -2,6 +2,7 @@
 
 import math
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def _check_graph(path: Path, graph: Any) -> None:
             raise FileFormatError(path, f"weights {name} hold numbers that are not finite")
 
 
-def _width(path: Path, kind: str, name: str, ports: list[Any]) -> int:
+def _width(path: Path, kind: str, name: str, ports: Sequence[Any]) -> int:
     """Return the width of a graph's one input or output.
 
     Raises:

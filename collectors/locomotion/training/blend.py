@@ -53,7 +53,7 @@ def main(
         aim_beyond: how far beyond the robot's limits its calibration may ask, see `aim.calibrated`.
     """
     spec = get_robot(robot)
-    content = encode_layers(*blended(*(layers_of(spec, f) for f in (first, second)), share))
+    content = encode_layers(*blended(layers_of(spec, first), layers_of(spec, second), share))
     cards = [load_card(policy_files(spec, folder)[1]) for folder in (first, second)]
     training: dict[str, Any] = {
         **cards[1].training,
