@@ -335,7 +335,7 @@ class _Walk:
 
     @staticmethod
     def _names(claim: Claim, from_room: str, to_room: str) -> bool:
-        if claim.kind == "door" and not claim.room:
+        if claim.kind in ("door", "enter", "leave") and not (claim.room or claim.name):
             return True
         if claim.kind not in ("enter", "leave", "in", "stop", "door"):
             return False

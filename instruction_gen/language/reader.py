@@ -292,6 +292,8 @@ class _Reader:
                                       place="at" if stop else ""))  # fmt: skip
                 k += 1
                 continue
+            if word == "room" and prep in ("into", "from") and not stop and not clause.negated:
+                claims.append(Claim("enter" if prep == "into" else "leave", "room"))
             if word in PREP_OF and not (word == "over" and k + 1 == len(tokens)):
                 prep = self._prep(clause, word)
                 clause.prep = prep
