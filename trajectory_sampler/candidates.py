@@ -13,7 +13,7 @@ from ..formats.core.geometry import path_length
 from ..wayfinding.crossings import Crossing, crossings
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify_path
-from .config import FRECHET, SampleConfig
+from .config import ALONG_PATH, FRECHET, SampleConfig
 from .level import Level
 from .similarity import PathIndex, stations
 
@@ -212,6 +212,18 @@ def _judge(
         spacing_m=config.waypoint_spacing_m,
         tolerance_m=0.03,
     )
+    if path_length(reference) < config.min_length_m:
+        return "too_short"
+    trimmed = level.view.trimmed(reference, both=config.heading == ALONG_PATH)
+    if trimmed is None or not (level.may_end_at(trimmed[0]) and level.may_end_at(trimmed[-1])):
+        return "end_at_wall"
+    reference, goal = trimmed, trimmed[-1, :2]
+    if not np.array_equal(reference[0, :2], start):
+        start = reference[0, :2]
+        tight, agent = (
+            distance_field(level.freemap, start, radius_m)
+            for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
+        )
     length = path_length(reference)
     if length < config.min_length_m:
         return "too_short"

@@ -41,6 +41,8 @@ class SampleConfig:
         family_gap_m: paths of different splits are farther apart than this, forward and backward;
             paths of one split closer than this form a similarity group [m].
         relax: where a scene does not hold enough paths, also take closer ones, down to 0.4 m.
+        min_view_m: least depth in the middle of the picture at the start and at the goal [m]; paths
+            are cut short where that gives a better view. 0 accepts ends that face a near wall.
         waypoint_spacing_m: greatest distance of reference points [m].
         heading: starts look along the `path` or in a `random` direction.
         heading_noise_rad: starts that look along the path are turned by ± at most this [rad].
@@ -67,6 +69,7 @@ class SampleConfig:
     min_gap_m: float = 1.5
     family_gap_m: float = 2.0
     relax: bool = True
+    min_view_m: float = 1.0
     waypoint_spacing_m: float = 1.0
     heading: str = ALONG_PATH
     heading_noise_rad: float = 0.25
@@ -88,6 +91,8 @@ class SampleConfig:
                 f"robot radius {self.robot_radius_m} m and end clearance {self.end_clearance_m} m; "
                 "valid: above 0"
             )
+        if not 0 <= self.min_view_m <= 5:
+            raise InputError(f"--min-view-m {self.min_view_m:g}; valid: 0 to 5")
         check_free_height(self.free_height_m)
         if not (self.min_gap_m > 0 and self.family_gap_m > 0):
             raise InputError(

@@ -13,6 +13,7 @@ from ..formats.scene.freemap import Freemap
 from ..wayfinding.distance import distance_field
 from ..wayfinding.regions import RegionMap, region_map
 from .config import SampleConfig
+from .view import SceneView
 
 _FAR = 99  # hops between rooms that are not connected
 
@@ -32,6 +33,7 @@ class Level:
         area_m2: size of the connected floors they lie on [m²].
         radius_m: clearance that every point of a path has [m].
         min_crossings: how many times a path must pass between rooms here.
+        view: what cameras see in the scene.
     """
 
     index: int
@@ -44,10 +46,21 @@ class Level:
     area_m2: float
     radius_m: float
     min_crossings: int
+    view: SceneView
+
+    def may_end_at(self, position_m: NDArray[np.float64]) -> bool:
+        """Return whether an episode may start or end in the cell of a position (2 or 3,) [m]."""
+        cell = np.array(self.freemap.grid.cell_of(position_m[:2]))
+        return bool((self.cells == cell).all(axis=1).any())
 
 
 def open_level(
-    bundle: SceneBundle, index: int, radius_m: float, config: SampleConfig, regions: RegionMap
+    bundle: SceneBundle,
+    index: int,
+    radius_m: float,
+    config: SampleConfig,
+    regions: RegionMap,
+    view: SceneView,
 ) -> Level:
     """Prepare a level for paths with `radius_m` of clearance.
 
@@ -71,7 +84,7 @@ def open_level(
     wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
     return Level(
         index, freemap, regions, cells, freemap.grid.center_of(cells), rooms, room_hops(regions),
-        area, radius_m, wanted,
+        area, radius_m, wanted, view,
     )  # fmt: skip
 
 

@@ -17,11 +17,11 @@ from .candidates import Candidate
 from .config import ALONG_PATH, SampleConfig
 from .ideal import ideal_actions
 from .similarity import PathIndex, stations
+from .view import start_heading
 
 Array = NDArray[np.float64]
 
 WAYPOINT_M = 0.25
-_LOOK_AHEAD_M = 0.75  # a start's heading is that of the path over this length
 
 
 def episode_of(
@@ -40,7 +40,7 @@ def episode_of(
     path = candidate.reference_m
     drawn = float(rng.uniform(-1.0, 1.0))
     if config.heading == ALONG_PATH:
-        yaw = _initial_heading(path) + drawn * config.heading_noise_rad
+        yaw = start_heading(path) + drawn * config.heading_noise_rad
     else:
         yaw = drawn * np.pi
     yaw = float(wrap_angle(yaw))
@@ -129,8 +129,3 @@ def clearance_at(freemap: Freemap, points_m: Array) -> Array:
     grid = freemap.grid
     fractional = (points_m[:, :2] - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
     return map_coordinates(freemap.clearance_m, fractional[:, ::-1].T, order=1, mode="nearest")
-
-
-def _initial_heading(path_m: Array) -> float:
-    ahead = point_along(path_m, _LOOK_AHEAD_M) - path_m[0]
-    return float(np.arctan2(ahead[1], ahead[0]))

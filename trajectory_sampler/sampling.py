@@ -16,6 +16,7 @@ from .config import SampleConfig
 from .level import Level, longest_way, open_level, regions_of
 from .record import episode_of, similarity_groups
 from .similarity import PathIndex
+from .view import SceneView
 
 logger = logging.getLogger(__name__)
 
@@ -28,8 +29,8 @@ class SampleResult:
         episodes: at most as many as asked for, split by split.
         requested: how many were asked for.
         dropped: number of dropped candidates by reason: `no_goal_in_range`, `unreachable`,
-            `too_short`, `too_long`, `detour`, `turning`, `same_room`, `too_similar`,
-            `family_of_another_split`, `unsafe`.
+            `end_at_wall`, `too_short`, `too_long`, `detour`, `turning`,
+            `same_room`, `too_similar`, `family_of_another_split`, `unsafe`.
         missing: how many each split lacks; empty when all quotas are filled.
         gap_m: least distance between two paths at which these were found [m].
         clear_for_m: radius for which all of them are free, the configured one or more [m].
@@ -130,6 +131,7 @@ class _Search:
 
     def __post_init__(self):
         self.regions = regions_of(self.bundle)
+        self.view = SceneView(self.bundle, self.config.min_view_m)
         reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
         measure = self.config.similarity
         self.by_level = [Kept(PathIndex(reach_m, measure)) for _ in self.regions]
@@ -143,7 +145,7 @@ class _Search:
         """Return the levels on which an episode may start, for paths with so much clearance."""
         if radius_m not in self.opened:
             opened = [
-                open_level(self.bundle, k, radius_m, self.config, regions)
+                open_level(self.bundle, k, radius_m, self.config, regions, self.view)
                 for k, regions in enumerate(self.regions)
             ]
             self.opened[radius_m] = [level for level in opened if len(level.cells)]

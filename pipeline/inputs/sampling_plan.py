@@ -133,6 +133,7 @@ def sample_config(
         free_height_m=free_height_m,
         min_length_m=options.min_length_m,
         max_length_m=options.max_length_m,
+        min_view_m=options.min_view_m,
         min_crossings=options.min_crossings,
         similarity=options.similarity,
         min_gap_m=options.min_gap_m,

@@ -23,6 +23,9 @@ class Sampling(Clearance):
     end_clearance_m: float = SampleConfig.end_clearance_m
     """Clearance of the starts and goals of sampled paths, room to turn on the spot [m]; at least
     that of the path. Lower it for a narrow room."""
+    min_view_m: float = SampleConfig.min_view_m
+    """Minimum depth in the middle of the first and the last picture of a sampled path [m]; paths
+    are cut short where that opens the view. 0 accepts goals before a blank wall."""
     min_crossings: int = SampleConfig.min_crossings
     """Minimum number of room-to-room transitions per sampled path; use 0 for a single-room scan."""
     similarity: str = SampleConfig.similarity
