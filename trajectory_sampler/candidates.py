@@ -35,6 +35,7 @@ class Candidate:
         crossed: its steps from room to room, in order.
         rooms: names of the rooms it visits, in order; "" if unknown.
         ends: room indices of its start and goal.
+        open_ends: whether cameras at its ends were required to see far enough.
     """
 
     level: int
@@ -45,6 +46,7 @@ class Candidate:
     crossed: tuple[Crossing, ...]
     rooms: tuple[str, ...]
     ends: tuple[int, int]
+    open_ends: bool
 
 
 @dataclass
@@ -212,18 +214,18 @@ def _judge(
         spacing_m=config.waypoint_spacing_m,
         tolerance_m=0.03,
     )
-    if path_length(reference) < config.min_length_m:
-        return "too_short"
-    trimmed = level.view.trimmed(reference, both=config.heading == ALONG_PATH)
-    if trimmed is None or not (level.may_end_at(trimmed[0]) and level.may_end_at(trimmed[-1])):
-        return "end_at_wall"
-    reference, goal = trimmed, trimmed[-1, :2]
-    if not np.array_equal(reference[0, :2], start):
-        start = reference[0, :2]
-        tight, agent = (
-            distance_field(level.freemap, start, radius_m)
-            for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
-        )
+    if config.min_view_m and path_length(reference) >= config.min_length_m:
+        both = config.heading == ALONG_PATH
+        trimmed = level.view.trimmed(reference, config.min_view_m, both=both)
+        if trimmed is None or not (level.may_end_at(trimmed[0]) and level.may_end_at(trimmed[-1])):
+            return "end_at_wall"
+        reference, goal = trimmed, trimmed[-1, :2]
+        if not np.array_equal(reference[0, :2], start):
+            start = reference[0, :2]
+            tight, agent = (
+                distance_field(level.freemap, start, radius_m)
+                for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
+            )
     length = path_length(reference)
     if length < config.min_length_m:
         return "too_short"
@@ -253,7 +255,10 @@ def _judge(
     ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
     first = crossed[0].from_region if crossed else ends[0]
     names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))
-    return Candidate(level.index, split, reference, geodesic, turned, crossed, names, ends)
+    return Candidate(
+        level.index, split, reference, geodesic, turned, crossed, names, ends,
+        config.min_view_m > 0,
+    )  # fmt: skip
 
 
 def _least(rooms: NDArray[np.integer[Any]], used: Counter[int], rng: np.random.Generator) -> int:

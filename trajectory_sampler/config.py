@@ -40,7 +40,8 @@ class SampleConfig:
         min_gap_m: two paths closer than this are too similar [m].
         family_gap_m: paths of different splits are farther apart than this, forward and backward;
             paths of one split closer than this form a similarity group [m].
-        relax: where a scene does not hold enough paths, also take closer ones, down to 0.4 m.
+        relax: where a scene does not hold enough paths, also take closer ones, down to 0.4 m, and
+            then ones whose ends face a near wall.
         min_view_m: least depth in the middle of the picture at the start and at the goal [m]; paths
             are cut short where that gives a better view. 0 accepts ends that face a near wall.
         waypoint_spacing_m: greatest distance of reference points [m].

@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -97,10 +97,10 @@ def sample_episodes(
     gap_m = config.min_gap_m
     enough_at_m = None
     clear_for_m = config.robot_radius_m
-    for radius_m, gap_m in _attempts(config):
+    for radius_m, gap_m, view_m in _attempts(config):
         if gap_m < config.min_gap_m and kept is None and not config.relax:
             kept = list(search.kept)  # what counts; from here on it is only advice
-        search.fill(wanted, radius_m, gap_m)
+        search.fill(wanted, radius_m, gap_m, view_m)
         if search.complete(wanted):
             enough_at_m = gap_m if kept is not None else None
             clear_for_m = radius_m if kept is None else clear_for_m
@@ -131,7 +131,7 @@ class _Search:
 
     def __post_init__(self):
         self.regions = regions_of(self.bundle)
-        self.view = SceneView(self.bundle, self.config.min_view_m)
+        self.view = SceneView(self.bundle)
         reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
         measure = self.config.similarity
         self.by_level = [Kept(PathIndex(reach_m, measure)) for _ in self.regions]
@@ -151,22 +151,23 @@ class _Search:
             self.opened[radius_m] = [level for level in opened if len(level.cells)]
         return self.opened[radius_m]
 
-    def fill(self, wanted: Mapping[str, int], radius_m: float, gap_m: float) -> None:
+    def fill(self, wanted: Mapping[str, int], radius_m: float, gap_m: float, view_m: float) -> None:
         """Add paths split by split until there are enough, or patience runs out."""
         levels = self.levels(radius_m)
+        config = replace(self.config, min_view_m=view_m)
         for split, count in wanted.items():
             have = sum(c.split == split for c in self.kept)
             starts = failed = 0
             while levels and have < count and failed < self.config.patience * len(levels):
                 level = levels[starts % len(levels)]
                 starts += 1
-                found = self._one(level, split, gap_m)
+                found = self._one(level, split, gap_m, config)
                 have += found
                 failed = 0 if found else failed + 1
 
-    def _one(self, level: Level, split: str, gap_m: float) -> bool:
+    def _one(self, level: Level, split: str, gap_m: float, config: SampleConfig) -> bool:
         here = self.by_level[level.index]
-        for outcome in from_one_start(level, here, split, gap_m, self.config, self.rng):
+        for outcome in from_one_start(level, here, split, gap_m, config, self.rng):
             if isinstance(outcome, str):
                 self.dropped[outcome] += 1
                 continue
@@ -176,16 +177,19 @@ class _Search:
         return False
 
 
-def _attempts(config: SampleConfig) -> list[tuple[float, float]]:
-    """Clearances and gaps between paths [m] to try in turn, until there are enough episodes."""
+def _attempts(config: SampleConfig) -> list[tuple[float, float, float]]:
+    """Return clearances, gaps between paths and depths at their ends [m] to try in turn."""
     roomy = max(config.roomy_radius_m, config.robot_radius_m)
     radii = sorted({roomy, config.robot_radius_m}, reverse=True)
-    attempts = [(radius, config.min_gap_m) for radius in radii]
-    gap_m = config.min_gap_m
+    gaps = [config.min_gap_m]
     # In a small room all paths lie near each other.
-    while gap_m > LEAST_GAP_M:
-        gap_m = max(round(0.75 * gap_m, 2), LEAST_GAP_M)
-        attempts.append((config.robot_radius_m, gap_m))
+    while gaps[-1] > LEAST_GAP_M:
+        gaps.append(max(round(0.75 * gaps[-1], 2), LEAST_GAP_M))
+    attempts = [(radius, config.min_gap_m, config.min_view_m) for radius in radii]
+    attempts += [(config.robot_radius_m, gap, config.min_view_m) for gap in gaps[1:]]
+    # In a tiny one all ends lie near a wall.
+    if config.min_view_m and config.relax:
+        attempts += [(config.robot_radius_m, gap, 0.0) for gap in gaps]
     return attempts
 
 
@@ -245,6 +249,14 @@ def _warn(
             "%s level %s is a single room: its episodes cannot pass between rooms",
             bundle.scene_id,
             ", ".join(map(str, single)),
+        )
+    if near := sum(not c.open_ends for c in kept) if config.min_view_m else 0:
+        logger.warning(
+            "%s: holds too few paths whose first and last pictures show %g m of depth; accepted "
+            "%d without that",
+            bundle.scene_id,
+            config.min_view_m,
+            near,
         )
     if config.relax and result.gap_m < config.min_gap_m:
         logger.warning(

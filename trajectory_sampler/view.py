@@ -32,27 +32,30 @@ class SceneView:
 
     Args:
         bundle: the scene; its visual mesh is loaded when the first view is taken.
-        least_m: least median depth of the picture, and of its middle third [m]; 0 accepts all.
     """
 
-    def __init__(self, bundle: SceneBundle, least_m: float):
-        self._bundle, self._least_m = bundle, least_m
+    def __init__(self, bundle: SceneBundle):
+        self._bundle = bundle
 
     @cached_property
     def _rays(self) -> PacketScene | None:
         mesh = self._bundle.visual()
         return PacketScene(mesh.vertices, mesh.faces) if len(mesh.faces) else None
 
-    def open_from(self, floor_m: Array, yaw_rad: float) -> bool:
-        """Return whether all cameras above a place (3,) [m] see far enough in a direction."""
-        if not self._least_m or self._rays is None:
+    def open_from(self, floor_m: Array, yaw_rad: float, least_m: float) -> bool:
+        """Return whether all cameras above a place (3,) [m] see far enough in a direction.
+
+        Args:
+            least_m: least median depth of the picture, and of its middle third [m].
+        """
+        if self._rays is None:
             return True
         return all(
-            self._depth_m(self._rays, floor_m, yaw_rad, camera) >= self._least_m + _MARGIN_M
+            self._depth_m(self._rays, floor_m, yaw_rad, camera) >= least_m + _MARGIN_M
             for camera in CAMERAS
         )
 
-    def trimmed(self, path_m: Array, *, both: bool) -> Array | None:
+    def trimmed(self, path_m: Array, least_m: float, *, both: bool) -> Array | None:
         """Return a path (P, 3) [m] cut short to ends from which cameras see far enough.
 
         At most 2.5 m are cut off at the goal and, with `both`, at the start. Return None if no such
@@ -60,12 +63,12 @@ class SceneView:
         """
         path: Array | None = path_m
         if both:
-            back = self._trimmed(path_m[::-1], lambda line: (line[-1], start_heading(line[::-1])))
+            back = self._trimmed(path_m[::-1], least_m, _start_pose)
             path = None if back is None else back[::-1]
-        return None if path is None else self._trimmed(path, _goal_pose)
+        return None if path is None else self._trimmed(path, least_m, _goal_pose)
 
     def _trimmed(
-        self, path_m: Array, end_pose: Callable[[Array], tuple[Array, float]]
+        self, path_m: Array, least_m: float, end_pose: Callable[[Array], tuple[Array, float]]
     ) -> Array | None:
         """Return the longest first part of a path whose end, in a pose, sees far enough."""
         length = path_length(path_m)
@@ -73,7 +76,7 @@ class SceneView:
             if length - cut_m <= _START_M:
                 break
             shorter = _up_to(path_m, length - cut_m) if cut_m else path_m
-            if self.open_from(*end_pose(shorter)):
+            if self.open_from(*end_pose(shorter), least_m):
                 return shorter
         return None
 
@@ -101,6 +104,11 @@ def start_heading(path_m: Array) -> float:
     """Return the direction of the first 0.75 m of a path (P, 3) [rad]."""
     ahead = point_along(path_m, _START_M) - path_m[0]
     return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _start_pose(back_m: Array) -> tuple[Array, float]:
+    """Return the first point (3,) [m] of a path that is given backward, and its direction [rad]."""
+    return back_m[-1], start_heading(back_m[::-1])
 
 
 def _goal_pose(path_m: Array) -> tuple[Array, float]:

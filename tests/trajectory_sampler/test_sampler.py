@@ -12,19 +12,21 @@ import pytest
 from tests.support.paths import path_clearance
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
-from vlnpe.formats.core.geometry import path_length, resample
+from vlnpe.formats.core.geometry import path_length, point_along, resample
 from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
+from vlnpe.trajectory_sampler.view import SceneView
 from vlnpe.wayfinding.crossings import crossings
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.planning import segments_free
 from vlnpe.wayfinding.regions import region_map
 
-CONFIG = SampleConfig(count=2, min_length_m=5.0)
+# Rooms of a few metres: the rule of open views has tests of its own.
+CONFIG = SampleConfig(count=2, min_length_m=5.0, min_view_m=0.0)
 
 
 def sample(bundle, seed=0, **changes):
@@ -57,6 +59,32 @@ def test_episodes_are_what_they_promise(two_rooms, seed):
         assert abs(float(off)) < 0.6
         goal = distance_field(freemap, path[-1][:2], AGENT_RADIUS_M)
         assert episode.geodesic_distance_m == pytest.approx(float(goal.at(path[0][:2])), abs=0.1)
+
+
+def test_paths_begin_and_end_with_an_open_view(two_rooms):
+    view = SceneView(two_rooms)
+    near = {}
+    for least_m in (0.0, 1.0):
+        episodes = sample(two_rooms, 1, count=6, min_length_m=3.0, min_view_m=least_m).episodes
+        poses = []
+        for episode in episodes:
+            path = episode.reference_path_world_m
+            last = path[-1] - point_along(path, path_length(path) - 0.4)
+            first = point_along(path, 0.75) - path[0]
+            poses += [(path[-1], last), (path[0], first)]
+        near[least_m] = sum(
+            not view.open_from(place, float(np.arctan2(step[1], step[0])), 0.7)
+            for place, step in poses
+        )
+    assert near[0.0] > 0 == near[1.0]
+
+
+def test_a_scene_without_open_ends_gives_paths_with_a_warning_or_none(two_rooms, caplog):
+    result = sample(two_rooms, min_view_m=5.0)
+    assert len(result.episodes) == 2
+    assert "accepted 2 without that" in caplog.text
+    with pytest.raises(SceneError, match="end_at_wall"):
+        sample(two_rooms, min_view_m=5.0, relax=False)
 
 
 def test_the_same_seed_gives_the_same_episodes(two_rooms):
