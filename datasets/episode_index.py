@@ -23,7 +23,7 @@ from ..formats.untrusted.tables import read_schema, read_table
 
 log = logging.getLogger(__name__)
 
-# Of meta/episodes' 250 columns those that loaders and mixtures ask for; statistics stay on disk.
+# Those of meta/episodes' 250 columns that loaders and mixtures use; statistics stay on disk.
 _PLACES = (
     "episode_index",
     "length",

@@ -193,7 +193,7 @@ def _groups(file: pq.ParquetFile, entry: EpisodeEntry) -> list[int]:
     names = [metadata.schema.column(c).path for c in range(metadata.num_columns)]
     column = names.index("index")
     last = entry.first_frame + entry.length - 1
-    found = []
+    groups = []
     for number in range(metadata.num_row_groups):
         bounds = metadata.row_group(number).column(column).statistics
         elsewhere = (
@@ -202,8 +202,8 @@ def _groups(file: pq.ParquetFile, entry: EpisodeEntry) -> list[int]:
             and (bounds.min > last or bounds.max < entry.first_frame)
         )
         if not elsewhere:
-            found.append(number)
-    return found
+            groups.append(number)
+    return groups
 
 
 def _matrix(column: pa.ChunkedArray) -> NDArray[Any]:

@@ -138,10 +138,10 @@ class NavigationDataset(Dataset[dict[str, Any]]):
 
     def _images(self, dataset: int, entry: EpisodeEntry, frame: int) -> dict[str, Any]:
         reader = self._readers[dataset]
-        wanted = np.arange(frame - self.config.history + 1, frame + 1)
-        first = max(int(wanted[0]), 0)
+        history = np.arange(frame - self.config.history + 1, frame + 1)
+        first = max(int(history[0]), 0)
         count = frame - first + 1
-        again = np.maximum(wanted, 0) - first
+        again = np.maximum(history, 0) - first
         if self.config.depth:
             rgb, depth = reader.rgbd(entry, first, count)
             item = {DEPTH_KEY: torch.from_numpy(depth[again])[:, None]}
@@ -152,7 +152,7 @@ class NavigationDataset(Dataset[dict[str, Any]]):
             if self.config.history == 1:
                 item[key] = item[key][0]
             else:
-                item[f"{key}_is_pad"] = torch.from_numpy(wanted < 0)
+                item[f"{key}_is_pad"] = torch.from_numpy(history < 0)
         return item
 
 

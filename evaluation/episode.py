@@ -37,7 +37,7 @@ class PolicyChooser:
 
     Attributes:
         eye: the robot's camera; images are black without one.
-        kind: of actions, see `ACTION_KINDS`.
+        kind: kind of actions, see `ACTION_KINDS`.
         waypoints: the number K of waypoints that observations show before the first ones.
     """
 
@@ -162,7 +162,7 @@ def evaluate_episode(
             are carried out by `speed` and `flash`, velocities by `speed`, waypoints by `path`.
         policy: chooses the actions; the expert, which knows the path, when None.
         eye: the robot's camera; None shows the policy black images.
-        kind: of the policy's actions, see `ACTION_KINDS`.
+        kind: kind of the policy's actions, see `ACTION_KINDS`.
         waypoints: the number of waypoints in the observation before the first ones.
 
     Raises:

@@ -36,8 +36,8 @@ def controllers_for(kind: str) -> list[str]:
     entries = CONTROLLERS.items()
     if kind == DISCRETE:
         return [name for name, entry in entries if entry.discrete]
-    wanted = "speed" if kind == VELOCITY else "path"
-    return [wanted]
+    name = "speed" if kind == VELOCITY else "path"
+    return [name]
 
 
 def checked_motion(answer: Any, kind: str) -> Motion | None:

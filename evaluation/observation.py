@@ -66,7 +66,7 @@ class Labels:
 
     Attributes:
         thing: (H, W) int32 index into `categories`; negative = nothing, or the robot itself.
-        categories: of the scene's objects, one each (`dining table`), then the scene's labels, for
+        categories: names of the scene's objects, one each (`dining table`), then its labels, for
             surfaces that belong to no object.
     """
 
@@ -121,7 +121,7 @@ class Eye:
 
         Args:
             view: an `ego` view of this robot.
-            renderer: of the world's scene, made for the view's renderer and light.
+            renderer: renderer of the world's scene, made for the view's renderer and light.
         """
         self._world, self._view, self._renderer = world, view, renderer
         self._body = body_for(world.robot, world.robot.joint_names, view)

@@ -91,7 +91,7 @@ class PolicyChoice:
         """Return the policy, or a client of its server.
 
         Args:
-            seed: of policies that draw.
+            seed: seed of policies that draw.
 
         Raises:
             InputError: it is the oracle, which is no policy, the server's libraries are missing, or

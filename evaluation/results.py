@@ -213,7 +213,7 @@ class Comparison:
     """Two evaluations on the episodes that both have.
 
     Attributes:
-        names: of the two.
+        names: names of the two.
         common: number of episodes that both have.
         apart: number of episodes that only one has.
         lost, won: uids of episodes that only the first, only the second succeeded in.

@@ -24,7 +24,7 @@ class Round:
     """Episodes, and the robot and camera that walk them.
 
     Attributes:
-        episodes: of any scenes and levels.
+        episodes: episodes of any scenes and levels.
         scenes: folder of the repaired scenes.
         view: the policy's camera.
         config: robot, controller and further settings.

@@ -67,7 +67,7 @@ def observation_space(
         modalities: names among `MODALITIES` that observations have.
         camera: what `rgb` and `depth_m` show.
         robot: whose joints are in `proprioception`.
-        instructions: of all episodes.
+        instructions: instructions of all episodes.
         tokens: ids (L,) of each instruction, all of one length; None without `tokens`.
         previous_action: space of that modality.
     """
@@ -92,7 +92,7 @@ def observation_space(
     return spaces.Dict({name: every[name] for name in modalities})
 
 
-def chosen_modalities(asked: Sequence[str] | None, has_tokens: bool) -> tuple[str, ...]:
+def chosen_modalities(requested: Sequence[str] | None, has_tokens: bool) -> tuple[str, ...]:
     """Return the modalities that were asked for, in the order of `MODALITIES`; all when None.
 
     Raises:
@@ -100,16 +100,16 @@ def chosen_modalities(asked: Sequence[str] | None, has_tokens: bool) -> tuple[st
         UnknownNameError: no such modality.
     """
     valid = tuple(name for name in MODALITIES if has_tokens or name != "tokens")
-    if asked is None:
+    if requested is None:
         return valid
-    for name in asked:
+    for name in requested:
         if name not in valid:
             if name in MODALITIES:
                 raise InputError("modality 'tokens' needs `tokenize`")
             raise UnknownNameError("modality", name, valid)
-    if not asked:
+    if not requested:
         raise InputError(f"no modality; valid: one or more of {', '.join(valid)}")
-    return tuple(name for name in valid if name in asked)
+    return tuple(name for name in valid if name in requested)
 
 
 def token_table(
@@ -117,5 +117,5 @@ def token_table(
 ) -> dict[str, NDArray[np.int64]]:
     """Return the ids (L,) of each instruction, padded with 0 to the longest."""
     ids = {e.instruction: np.asarray(tokenize(e.instruction), np.int64).ravel() for e in episodes}
-    longest = max(1, *(len(one) for one in ids.values()))
-    return {text: np.pad(one, (0, longest - len(one))) for text, one in ids.items()}
+    longest = max(1, *(len(tokens) for tokens in ids.values()))
+    return {text: np.pad(tokens, (0, longest - len(tokens))) for text, tokens in ids.items()}

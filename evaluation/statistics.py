@@ -216,8 +216,10 @@ def _between_seeds(values: NDArray[np.float64]) -> Variance:
 
 def _between_scenes(trials: Trials, values: NDArray[np.float64]) -> Variance:
     """Return the variance of the mean of values (N,) over scenes, and paths within them."""
-    found = clustered_interval(values, trials.scenes, trials.trajectories, np.random.default_rng(0))
-    error = (found.high - found.low) / (2 * norm.ppf((1 + LEVEL) / 2))
+    clustered = clustered_interval(
+        values, trials.scenes, trials.trajectories, np.random.default_rng(0)
+    )
+    error = (clustered.high - clustered.low) / (2 * norm.ppf((1 + LEVEL) / 2))
     count = len(set(trials.scenes))
     if count < 2:  # one scene: other paths in it
         return Variance(float(error**2), len(set(trials.trajectories)) - 1)

@@ -38,7 +38,7 @@ def view_of(selections: Sequence[Selection]) -> View:
 def _views(index: DatasetIndex) -> set[View]:
     info = index.info["features"].get(DEPTH_KEY, {}).get("info", {})
     far_m = float(info.get("video.depth_max", _ALL_DEPTH_M))
-    found = set()
+    rows = set()
     for path in episode_tables(index.root):
         schema = pq.read_schema(path)
         missing = [name for name in _COLUMNS if name not in schema.names]
@@ -48,5 +48,5 @@ def _views(index: DatasetIndex) -> set[View]:
                 "edited datasets their columns back"
             )
         table = pq.read_table(path, columns=list(_COLUMNS)).to_pydict()
-        found |= set(zip(*(table[name] for name in _COLUMNS), strict=True))
-    return {View(int(w), int(h), float(fov), far_m) for w, h, fov in found}
+        rows |= set(zip(*(table[name] for name in _COLUMNS), strict=True))
+    return {View(int(w), int(h), float(fov), far_m) for w, h, fov in rows}

@@ -27,7 +27,7 @@ class View:
     """The camera that the training images were taken with.
 
     Attributes:
-        width_px, height_px: of the images as rendered, before they were resized to `size_px`.
+        width_px, height_px: size of the images as rendered, before they were resized to `size_px`.
         depth_far_m: where the recorded depth ends; 0 beyond.
     """
 

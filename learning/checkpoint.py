@@ -26,7 +26,7 @@ class Checkpoint:
 
     Attributes:
         model: in evaluation mode, on the CPU, in float32.
-        sha256: of the file of weights.
+        sha256: digest of the file of weights.
     """
 
     card: Card
@@ -38,7 +38,7 @@ def save_checkpoint(path: Path, model: Model, card: Card) -> None:
     """Write the weights, in half precision, and then the card.
 
     Args:
-        path: of the weights, `.safetensors`.
+        path: file of the weights, `.safetensors`.
         model: on any device.
     """
     if path.suffix != SUFFIX:

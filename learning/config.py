@@ -21,11 +21,11 @@ class ModelConfig:
     Attributes:
         name: `cma`, `seq2seq` or `rdp`.
         inputs: which of `rgb`, `depth` and `instruction` it gets; features of the others are zero.
-        encoder: of RGB: `compact`, trained from scratch, or a network of torchvision.
+        encoder: encoder of RGB: `compact`, trained from scratch, or a network of torchvision.
         encoder_weights: state dict of that network (`.pt`, `.pth` or `.safetensors`); without it,
             training starts from scratch.
         train_encoder: False keeps its weights as they are.
-        channels: of the compact encoders' stages; each halves the image.
+        channels: number of channels of the compact encoders' stages; each halves the image.
         hidden: size of the recurrent states.
         words: size of a word's embedding.
         word_vectors: text file of pretrained word vectors, as GloVe's: a word and `words` numbers
@@ -75,10 +75,10 @@ class TrainConfig:
     """How a model is trained.
 
     Attributes:
-        seeds: trainings per row of an ablation.
+        seeds: number of trainings per row of an ablation.
         batch: episodes per step.
         learning_rate: at its highest; it falls to 0 along a cosine.
-        weight_decay: of AdamW.
+        weight_decay: weight decay of AdamW.
         size_px: side of the images.
         max_steps: frames per episode at most.
         tokens: words per instruction.
@@ -86,9 +86,9 @@ class TrainConfig:
             to cope with it.
         instructions: `own`, a path's first instruction, or `any`, one drawn in every pass.
         inflection: weight of a step whose action differs from the one before (VLN-CE: 3.2).
-        waypoint_weight, stop_weight, progress_weight: of these losses beside the action's;
+        waypoint_weight, stop_weight, progress_weight: weights of these losses beside the action's;
             `progress_weight` is CMA's progress monitor.
-        stop_progress_weight: of RDP's stop head, λ.
+        stop_progress_weight: weight of RDP's stop head, λ.
         checkpoint_every: steps between checkpoints.
         device: `cpu`, `cuda`, or `auto`: a GPU where there is one.
     """

@@ -43,7 +43,7 @@ class Choice:
 
     Attributes:
         sample: draw from the predicted probabilities instead of taking the likeliest action.
-        seed: of the draws, and of a diffusion policy's noise.
+        seed: seed of the draws, and of a diffusion policy's noise.
     """
 
     sample: bool = False

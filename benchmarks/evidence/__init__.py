@@ -1,1 +1,1 @@
-"""What the data is worth: the tables behind docs/results/data.md, trained, evaluated and judged."""
+"""What the data is worth: recipes and results behind docs/results/data.md."""

@@ -142,15 +142,15 @@ def choose_all(
     Raises:
         NoEpisodesError: Sources without any episode; names them all, and what they lack.
     """
-    found: dict[str, Choice] = {}
+    choices: dict[str, Choice] = {}
     without: dict[str, list[str]] = {}  # what sources ask for, by the reason
     lacking: dict[str, Source] = {}
     for name in names:
         try:
-            found[name] = choose(recipe.sources[name], name, library, held_out, training=training)
+            choices[name] = choose(recipe.sources[name], name, library, held_out, training=training)
         except NoEpisodesError as error:
-            wanted = recipe.sources[name].collected
-            said = f"{wanted} (source {name!r})" if wanted else f"source {name!r}"
+            collected = recipe.sources[name].collected
+            said = f"{collected} (source {name!r})" if collected else f"source {name!r}"
             without.setdefault(str(error), []).append(said)
             lacking |= error.lacking
     if without:
@@ -159,7 +159,7 @@ def choose_all(
             f"no episodes of {'; '.join(lines)}; collect what is missing, or change the recipe",
             lacking,
         )
-    return found
+    return choices
 
 
 def choose(
@@ -183,7 +183,7 @@ def choose(
         indices = library.find(source.data)
     except NoEpisodesError as error:
         raise NoEpisodesError(str(error), {name: source}) from error
-    kept, rows, dropped = [], [], {}
+    parts, rows, dropped = [], [], {}
     seen: set[tuple[Any, ...]] = set()
     for index in indices:
         whole = select_all([index])
@@ -200,9 +200,9 @@ def choose(
             )
         )
         if mask.any():
-            kept.append((index, np.flatnonzero(mask)))
-    if not kept:
-        # Of other reasons there are episodes of what the source asks for, and it can use none.
+            parts.append((index, np.flatnonzero(mask)))
+    if not parts:
+        # With other reasons, episodes of what the source asks for exist, and it can use none.
         new = all(reason.split(" ")[0] in COLLECTED for reason in dropped)
         reasons = ", ".join(f"{count} × {reason}" for reason, count in sorted(dropped.items()))
         raise NoEpisodesError(
@@ -211,9 +211,9 @@ def choose(
             {name: source} if new else {},
         )
     selection = Selection(
-        tuple(index for index, _ in kept),
-        np.repeat(np.arange(len(kept)), [len(r) for _, r in kept]).astype(np.int32),
-        np.concatenate([r for _, r in kept]).astype(np.int32),
+        tuple(index for index, _ in parts),
+        np.repeat(np.arange(len(parts)), [len(r) for _, r in parts]).astype(np.int32),
+        np.concatenate([r for _, r in parts]).astype(np.int32),
     )
     return selection, tuple(rows)
 
@@ -236,12 +236,12 @@ def _filter(
         mask &= passed
 
     for label, attribute in _LABELS.items():
-        wanted = getattr(source, attribute)
-        if wanted:
+        conditions = getattr(source, attribute)
+        if conditions:
             labels = whole.labels(label)
             name = label.removesuffix("_id").removesuffix("_name")
             why = np.array([f"{name} {value}" for value in labels], object)
-            keep(np.isin(labels.astype(str), wanted), why)
+            keep(np.isin(labels.astype(str), conditions), why)
     if training and not source.splits:
         splits = whole.labels("split")
         why = np.array([f"published hold-out {value}" for value in splits], object)

@@ -16,9 +16,9 @@ class SourcePlan:
     """The episodes that a source contributes to a mixture.
 
     Attributes:
-        name: of the source.
-        weight: of the mixture.
-        share: of the draws, 0 … 1.
+        name: name of the source.
+        weight: weight in the mixture.
+        share: share of the draws, 0 … 1.
         selection: the episodes.
         rows: by dataset.
     """
@@ -35,7 +35,7 @@ class MixturePlan:
     """The episodes and shares of a mixture.
 
     Attributes:
-        name: of the mixture.
+        name: name of the mixture.
         sources: in the recipe's order.
         unit: what a draw is: `episodes` or `frames`.
     """
@@ -71,7 +71,7 @@ def plan_mixture(
 
     Args:
         recipe: names it.
-        name: of the mixture.
+        name: name of the mixture.
         library: where to look.
         unit: what a draw is: `episodes` or `frames`.
         held_out: trajectories (`scene/trajectory`) that no source may take.

@@ -49,7 +49,7 @@ class Source:
         cameras: views; by default the robot's own alone, as those beside it or above it show what
             no robot sees.
         outcomes: end reasons; by default the successful ones alone.
-        fraction: of the trajectories, 0 … 1; chosen by their names, so that the same ones are
+        fraction: part of the trajectories, 0 … 1; chosen by their names, so that the same ones are
             taken from every robot, and a larger fraction contains a smaller one.
     """
 
@@ -66,13 +66,15 @@ class Source:
     @property
     def collected(self) -> str:
         """What a collection must have for it, in words: `robot h1, light CL`; may be empty."""
-        wanted = {
+        conditions = {
             "robot": self.robots,
             "controller": self.controllers,
             "light": self.lights,
             "camera": () if self.cameras == (OWN_VIEW,) else self.cameras,
         }
-        return ", ".join(f"{what} {' or '.join(names)}" for what, names in wanted.items() if names)
+        return ", ".join(
+            f"{what} {' or '.join(names)}" for what, names in conditions.items() if names
+        )
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,7 @@ class Mixture:
     """The sources of one training and their shares.
 
     Attributes:
-        weights: of each source by name.
+        weights: weight of each source by name.
         shares: `size`: a source's share of the draws is its weight times its number of items
             (episodes or frames), as if the datasets were joined; `equal`: its weight alone.
     """
@@ -94,7 +96,7 @@ class Recipe:
     """Named sources and the mixtures made of them.
 
     Attributes:
-        title: what it asks.
+        title: the question that it answers.
         sources: by name.
         mixtures: by name, in the order of the table's rows.
         comparison: what `vlnpe ablate` compares; None if nothing.
@@ -102,7 +104,7 @@ class Recipe:
             scenes, trajectories, or `auto`: published splits where there are any, else scenes
             where there are several. `none` trains on everything.
         holdout_fraction: how much of it.
-        seed: of the order of the draws, and the first of a comparison's.
+        seed: seed of the order of the draws, and the first of a comparison's.
         train: settings of the trainings, see `vlnpe.learning.config`.
     """
 
@@ -119,20 +121,20 @@ class Recipe:
         if not self.mixtures:
             raise InputError("a recipe needs at least one mixture")
         for name, source in self.sources.items():
-            _known(f"outcome in the source {name!r}:", source.outcomes, OUTCOMES)
+            _check_names(f"outcome in the source {name!r}:", source.outcomes, OUTCOMES)
             if not 0.0 < source.fraction <= 1.0:
                 raise InputError(
                     f"source {name!r}: fraction {source.fraction}; valid: above 0, up to 1"
                 )
-        _known("holdout", [self.holdout], HOLDOUTS)
+        _check_names("holdout", [self.holdout], HOLDOUTS)
         if self.comparison is not None:
             trained = [row.mixture for row in self.comparison.rows.values() if row.mixture]
-            _known("mixture in a row of the comparison:", trained, self.mixtures)
+            _check_names("mixture in a row of the comparison:", trained, self.mixtures)
         if not 0.0 < self.holdout_fraction < 1.0:
             raise InputError(f"holdout_fraction {self.holdout_fraction}; valid: between 0 and 1")
         for name, mixture in self.mixtures.items():
-            _known(f"source in the mixture {name!r}:", mixture.weights, self.sources)
-            _known(f"shares in the mixture {name!r}:", [mixture.shares], SHARES)
+            _check_names(f"source in the mixture {name!r}:", mixture.weights, self.sources)
+            _check_names(f"shares in the mixture {name!r}:", [mixture.shares], SHARES)
             for source, weight in mixture.weights.items():
                 if not (math.isfinite(weight) and weight > 0):
                     raise InputError(
@@ -231,10 +233,10 @@ def _mixture(name: str, value: Any) -> Mixture:
 def _record[T](kind: type[T], what: str, value: Any) -> T:
     """Return a record from a mapping, with values checked against the types of its defaults."""
     given = _mapping(what, value if value is not None else {})
-    known = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
+    valid = {f.name: f for f in fields(kind)}  # type: ignore[arg-type]
     for key, entry in given.items():
-        check_name(f"key in {what}:", key, known)
-        default = known[key].default
+        check_name(f"key in {what}:", key, valid)
+        default = valid[key].default
         where = f"{what}: {key}"
         if isinstance(entry, tuple):
             continue  # read already
@@ -249,8 +251,8 @@ def _record[T](kind: type[T], what: str, value: Any) -> T:
             given[key] = _mapping(where, entry or {})
         elif (isinstance(default, str) or key in _TEXTS) and not isinstance(entry, str):
             raise InputError(f"{where}: {brief(entry)}; valid: text")
-    missing = [n for n, f in known.items() if f.default is MISSING and n not in given]
-    needed = [n for n in missing if known[n].default_factory is MISSING]
+    missing = [n for n, f in valid.items() if f.default is MISSING and n not in given]
+    needed = [n for n in missing if valid[n].default_factory is MISSING]
     if needed:
         raise InputError(f"{what} lacks {', '.join(needed)}")
     return kind(**given)
@@ -275,6 +277,6 @@ def _number(what: str, value: Any) -> float:
     return float(value)
 
 
-def _known(kind: str, names: Any, valid: Any) -> None:
+def _check_names(kind: str, names: Any, valid: Any) -> None:
     for name in names:
         check_name(kind, name, valid)

@@ -32,10 +32,10 @@ class MixtureSampler:
 
     Args:
         sizes: items of each source.
-        shares: of the draws of each source; need not sum to 1.
-        seed: of order and shuffles.
+        shares: share of the draws of each source; need not sum to 1.
+        seed: seed of order and shuffles.
         length: draws per epoch and process; by default all items together, divided by `world`.
-        rank, world: of how many processes this is which.
+        rank, world: number of this process, and of all processes.
         content: what the items are (`MixturePlan.digest`), so that a saved state is refused where
             they have changed; sizes alone would not show it.
     """
@@ -150,8 +150,8 @@ class MixtureSampler:
     def _sources(self, start: int, stop: int) -> NDArray[np.int64]:
         turn, rank = np.divmod(np.arange(start, stop), self.world)
         points = np.modf(turn * _GOLDEN + rank / self.world + self._offset)[0]
-        found = np.searchsorted(np.cumsum(self.shares), points, side="right")
-        return np.minimum(found, len(self.sizes) - 1)
+        numbers = np.searchsorted(np.cumsum(self.shares), points, side="right")
+        return np.minimum(numbers, len(self.sizes) - 1)
 
 
 def _shuffled(positions: NDArray[np.int64], size: int, key: NDArray[np.uint64]) -> NDArray:

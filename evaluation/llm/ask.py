@@ -72,7 +72,7 @@ class TextModel:
         """Return an answer as `read` parses it; ask again after an unclear one.
 
         Args:
-            content: of the user's message.
+            content: content of the user's message.
             read: parses an answer; raises ValueError if it is unclear.
 
         Raises:

@@ -41,14 +41,14 @@ def parse_actions(text: str) -> list[Action]:
     words = " ".join(text.lower().replace("’", "'").split())
     if doubt := _DOUBT.search(words):
         raise ValueError(f"{doubt.group()!r} is ambiguous: {text!r:.120}")
-    found = list(_PHRASE.finditer(words))
+    phrases = list(_PHRASE.finditer(words))
     rest = _PHRASE.sub(" ", words)
-    if not found:
+    if not phrases:
         raise ValueError(f"asks for no action: {text!r:.120}")
     if left := _LEFT.search(rest):
         raise ValueError(f"{left.group()!r} is not understood: {text!r:.120}")
     actions: list[Action] = []
-    for match in found:
+    for match in phrases:
         actions += _actions(match, text)
         if actions[-1] is Action.STOP:
             break

@@ -39,15 +39,15 @@ def find_frontiers(seen: SeenMap, reachable: NDArray[np.bool_]) -> list[Frontier
     unknown = ~seen.explored
     border = seen.free & binary_dilation(unknown) & ~binary_dilation(seen.obstacle)
     parts = np.asarray(label(border, connectivity=2))
-    found = []
+    result = []
     near = binary_dilation(reachable, iterations=3)
     for k in range(1, int(parts.max()) + 1):
         cells = np.argwhere((parts == k) & near)
         if len(cells) < _SMALLEST:
             continue
         middle = cells[np.argmin(np.linalg.norm(cells - cells.mean(0), axis=1))]
-        found.append(Frontier(seen.grid.center_of(middle), len(cells) * CELL_M))
-    return found
+        result.append(Frontier(seen.grid.center_of(middle), len(cells) * CELL_M))
+    return result
 
 
 def promise(frontier: Frontier, goal: SubGoal | None, world: World) -> float:
@@ -64,14 +64,14 @@ def promise(frontier: Frontier, goal: SubGoal | None, world: World) -> float:
     if noun.kind == "door":
         return 0.5 if name == "hallway" else 0.0
     if noun.kind == "room":
-        wanted = {world.rooms[k] for k in world.regions_called(noun.head)} | {noun.head}
+        promising = {world.rooms[k] for k in world.regions_called(noun.head)} | {noun.head}
     else:
-        wanted = {room for thing, room in ROOM_OF_OBJECT.items() if called(thing, noun.head)}
+        promising = {room for thing, room in ROOM_OF_OBJECT.items() if called(thing, noun.head)}
     beside = {
         ROOM_OF_OBJECT.get(thing.noun, "")
         for thing in world.things
         if np.linalg.norm(thing.middle_m - frontier.xy_m) < _NEAR_M
     } - {""}
-    if wanted & (beside | {name}):
+    if promising & (beside | {name}):
         return 1.0
-    return -0.5 if beside and wanted else 0.0
+    return -0.5 if beside and promising else 0.0

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...instruction_gen.language.reader import read_text
 from ..follower.costs import prefix_costs
@@ -13,10 +12,8 @@ from ..follower.goals import SubGoal, UnfollowableError, sub_goals
 from ..follower.ways import Ways
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
-from .seen_map import SeenMap
+from .seen_map import Array, SeenMap
 from .seen_world import SeenWorld, seen_world
-
-Array = NDArray[np.float64]
 
 _SAME_M = 0.7  # frontiers this close are one
 
@@ -26,8 +23,8 @@ class Weights:
     """What the choice between ends and frontiers weighs; tuned on four generated homes.
 
     Attributes:
-        per_metre: of the way that the instruction describes.
-        detour: of a way that is not the shortest.
+        per_metre: cost of a metre of the way that the instruction describes.
+        detour: cost of a way that is not the shortest.
         good: an end that costs less is walked to at once; the limit grows by `patience` per action
             taken, so that after a long search a worse end will do.
         met: worth of a sub-goal that is met on the way to a frontier.
@@ -116,7 +113,7 @@ def choose_target(
         current: where the robot is going.
         step: number of actions taken so far.
         explore: whether frontiers may be chosen.
-        weights: of the choice; the defaults when None.
+        weights: weights of the choice; the defaults when None.
 
     Returns:
         The target; None if nothing can be reached.

@@ -55,10 +55,10 @@ class OracleLabeller:
         labels = observation.labels
         if labels is None:
             raise ValueError("the observation has no labels; valid: from a renderer with labels")
-        found = []
+        detections = []
         for k in np.unique(labels.thing[labels.thing >= 0]).tolist():
             category = labels.categories[k]
             noun = category if category in STRUCTURE else noun_of(category)
             if noun and noun not in SILENT:
-                found.append(Detection(noun, f"{noun}-{k}", labels.thing == k))
-        return found
+                detections.append(Detection(noun, f"{noun}-{k}", labels.thing == k))
+        return detections

@@ -114,9 +114,9 @@ class ModelLabeller:
                 raise PolicyError(f"{what}: {error}") from error
             return []
         self._failed = 0
-        found = [_detection(sight, observation.depth_m) for sight in answer.things]
-        self.left_out += found.count(None)
-        return [one for one in found if one is not None]
+        detections = [_detection(sight, observation.depth_m) for sight in answer.things]
+        self.left_out += detections.count(None)
+        return [detection for detection in detections if detection is not None]
 
     def _is_due(self, pose: NDArray[np.float64]) -> bool:
         before = self._labelled

@@ -5,7 +5,6 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...collectors.robots import get_robot
 from ...formats.core.rollout import Action
@@ -16,9 +15,7 @@ from ..policy import Assignment, PolicyError
 from .inference import Target, choose_target, goals_of
 from .labels import Labeller, OracleLabeller
 from .routes import Routes, blocked, next_action, waypoints
-from .seen_map import SeenMap
-
-Array = NDArray[np.float64]
+from .seen_map import Array, SeenMap
 
 _ALL_AROUND = 24  # turns of 15°
 _AGAIN = 6  # actions after which the target is chosen again

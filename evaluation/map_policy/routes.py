@@ -11,9 +11,7 @@ from skimage.graph import MCP_Geometric
 from ...formats.core.frames import wrap_angle
 from ...formats.core.geometry import arc_length
 from ...formats.core.rollout import Action
-from .seen_map import CELL_M, SeenMap
-
-Array = NDArray[np.float64]
+from .seen_map import CELL_M, Array, SeenMap
 
 _UNKNOWN = 4.0  # cost of a metre that has not been seen
 _TIGHT = 6.0  # … of one that grazes an obstacle

@@ -148,18 +148,18 @@ class SeenMap:
         for bit, (bottom, top) in enumerate(_SLICES_M):
             cells = self._cells(points[valid & (z >= bottom) & (z < top)])
             self.slices[cells[:, 0], cells[:, 1]] |= np.uint8(1 << bit)
-        for found in detections:
-            mask = valid & found.pixels[::_STRIDE, ::_STRIDE]
-            if found.noun == "wall":
+        for detection in detections:
+            mask = valid & detection.pixels[::_STRIDE, ::_STRIDE]
+            if detection.noun == "wall":
                 self._mark(self.wall, points[mask & solid])
-            elif found.noun in ("door frame", "door"):
+            elif detection.noun in ("door frame", "door"):
                 self._mark(self.opening, points[mask])
-            elif found.key is None:
+            elif detection.key is None:
                 box = np.flatnonzero(mask & (z >= _FLOOR_M))
                 surface = box[_connected(away.ravel()[box])]
-                self._add_thing(found, points.reshape(-1, 3)[surface])
+                self._add_thing(detection, points.reshape(-1, 3)[surface])
             else:
-                self._add_thing(found, points[mask])
+                self._add_thing(detection, points[mask])
 
     def bump(self, xy_m: Array) -> None:
         """Put an obstacle at a point (2,) [m] where the robot hit something unseen."""
@@ -213,26 +213,26 @@ class SeenMap:
         share = np.linspace(0.0, 1.0, _BLIND_STEPS)[:, None, None]
         self._mark(self.floor, (base_xy_m + share * (near - base_xy_m)).reshape(-1, 2))
 
-    def _add_thing(self, found: Detection, points: Array) -> None:
+    def _add_thing(self, detection: Detection, points: Array) -> None:
         if not len(points):
             return
-        certain = found.key is not None
+        certain = detection.key is not None
         low, high = np.quantile(points, _KEYED_TRIM if certain else _NAMED_TRIM, axis=0)
-        key = found.key or self._same(found.noun, 0.5 * (low + high))
-        known = self.things.get(key)
-        if known is None:
-            self.things[key] = SeenThing(found.noun, low, high, len(points), certain=certain)
+        key = detection.key or self._same(detection.noun, 0.5 * (low + high))
+        thing = self.things.get(key)
+        if thing is None:
+            self.things[key] = SeenThing(detection.noun, low, high, len(points), certain=certain)
             return
-        known.low_m = np.minimum(known.low_m, low)
-        known.high_m = np.maximum(known.high_m, high)
-        known.points += len(points)
-        known.sights += 1
+        thing.low_m = np.minimum(thing.low_m, low)
+        thing.high_m = np.maximum(thing.high_m, high)
+        thing.points += len(points)
+        thing.sights += 1
 
     def _same(self, noun: str, middle_m: Array) -> str:
         """Return the key of the thing that has this name and place, or a new one."""
-        for key, known in self.things.items():
-            gap = middle_m - np.clip(middle_m, known.low_m, known.high_m)
-            if known.noun == noun and not known.certain and np.linalg.norm(gap) <= _SAME_M:
+        for key, thing in self.things.items():
+            gap = middle_m - np.clip(middle_m, thing.low_m, thing.high_m)
+            if thing.noun == noun and not thing.certain and np.linalg.norm(gap) <= _SAME_M:
                 return key
         return f"{noun}-{len(self.things)}"
 

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from ...formats.core.errors import FileFormatError
 from ..config import ModelConfig
 
-# Of the images that torchvision's networks were trained on.
+# Mean and spread of the images that torchvision's networks were trained on.
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 
 

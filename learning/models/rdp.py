@@ -100,22 +100,24 @@ class Rdp(nn.Module):
         """Return the error of the predicted noise plus λ times that of the progress.
 
         Args:
-            batch: of `collate_sequences`.
+            batch: batch of `collate_sequences`.
             stop_weight: λ.
         """
-        found, _ = self.advance(self.reader(batch["tokens"]), batch, None)
+        conditioned, _ = self.advance(self.reader(batch["tokens"]), batch, None)
         motions, valid = future_motions(batch)
         real = batch["mask"] & valid.any(-1)
         clean = (motions[real] / self.scale).clamp(-1.0, 1.0)
         noise = torch.randn_like(clean)
         level = torch.randint(self.schedule.steps, (len(clean),), device=clean.device)
-        encoded = self.encode(found["condition"][real])
+        encoded = self.encode(conditioned["condition"][real])
         guess = self._denoise(encoded, self.schedule.add_noise(clean, noise, level), level)
         error = (guess - noise).square().mean(-1)
         there = valid[real]
         total = (error * there).sum() / there.sum().clamp(min=1)
         mask = batch["mask"]
-        return total + stop_weight * mse_loss(found["progress"][mask], batch["progress"][mask])
+        return total + stop_weight * mse_loss(
+            conditioned["progress"][mask], batch["progress"][mask]
+        )
 
     def sample(self, condition: Tensor, rng: torch.Generator) -> Tensor:
         """Return motions (N, 8, 3) Δx, Δy [m], Δyaw [rad] under conditions (N, K, H)."""

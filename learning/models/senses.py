@@ -127,7 +127,7 @@ def load_word_vectors(embedding: nn.Embedding, vocabulary: tuple[str, ...], path
         FileFormatError: the file cannot be read, or its vectors have another size.
     """
     place = {word: number for number, word in enumerate(vocabulary)}
-    found = 0
+    count = 0
     try:
         with path.open(encoding="utf-8") as lines, torch.no_grad():
             for number, line in enumerate(lines, 1):
@@ -141,19 +141,19 @@ def load_word_vectors(embedding: nn.Embedding, vocabulary: tuple[str, ...], path
                         f"{embedding.embedding_dim}",
                     )
                 embedding.weight[place[word]] = torch.tensor([float(value) for value in values])
-                found += 1
+                count += 1
     except (OSError, ValueError) as error:
         raise FileFormatError(path, f"not readable as word vectors ({error})") from error
-    return found
+    return count
 
 
-def attend(asked: Tensor, read: Read) -> Tensor:
+def attend(query: Tensor, read: Read) -> Tensor:
     """Return the mean of the words (B, T, H) as each step's question (B, T, H) weighs them."""
-    score = asked @ read.words.transpose(1, 2) / read.words.shape[-1] ** 0.5
+    score = query @ read.words.transpose(1, 2) / read.words.shape[-1] ** 0.5
     return score.masked_fill(read.padding[:, None], -1e4).softmax(-1) @ read.words
 
 
-def look(asked: Tensor, places: Tensor) -> Tensor:
+def look(query: Tensor, places: Tensor) -> Tensor:
     """Return the mean of places (B, T, S, C) as their step's question (B, T, C) weighs them."""
-    score = (places @ asked[..., None])[..., 0] / places.shape[-1] ** 0.5
+    score = (places @ query[..., None])[..., 0] / places.shape[-1] ** 0.5
     return (score.softmax(-1)[..., None, :] @ places)[..., 0, :]

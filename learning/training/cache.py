@@ -69,8 +69,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
         unread = set(IMAGES) - self.images
         try:
             with safe_open(path, framework="pt") as file:
-                wanted = sorted(set(file.keys()) - unread)
-                item: dict[str, Any] = {key: file.get_tensor(key) for key in wanted}
+                keys = sorted(set(file.keys()) - unread)
+                item: dict[str, Any] = {key: file.get_tensor(key) for key in keys}
         except SafetensorError as error:
             raise FileFormatError(
                 path, f"a damaged decoded episode; delete it, and it is decoded again ({error})"

@@ -32,7 +32,7 @@ class Correction:
         executed: (T,) the action that was taken.
         pose: (T, 3) x, y [m], yaw [rad] relative to the first step.
         progress: (T,) 0 … 1 of the expert's route.
-        name: of the episode.
+        name: name of the episode.
     """
 
     rgb: NDArray[np.uint8]
@@ -58,7 +58,7 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
     """Corrected walks as items of `EpisodeSequences`, but without waypoints.
 
     Attributes:
-        digest: of all files.
+        digest: digest of all files.
     """
 
     def __init__(self, files: Sequence[Path], tokens: Tokens, config: TrainConfig):
@@ -84,33 +84,33 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
         path = self._files[number]
         try:
             with np.load(path, allow_pickle=False) as file:
-                found = {key: file[key] for key in file.files}
-            steps = min(len(found["action"]), self._config.max_steps)
-            return self._item(found, steps)
+                arrays = {key: file[key] for key in file.files}
+            steps = min(len(arrays["action"]), self._config.max_steps)
+            return self._item(arrays, steps)
         except (OSError, ValueError, KeyError) as error:
             raise FileFormatError(path, f"not a corrected walk ({error})") from error
 
-    def _item(self, found: dict[str, NDArray[Any]], steps: int) -> dict[str, Any]:
-        action, executed = found["action"], found["executed"]
+    def _item(self, arrays: dict[str, NDArray[Any]], steps: int) -> dict[str, Any]:
+        action, executed = arrays["action"], arrays["executed"]
         changed = np.concatenate([[True], action[1:] != executed[:-1]])
         inflection = np.float32(self._config.inflection)
         values: dict[str, NDArray[Any]] = {
-            "rgb": found["rgb"],
-            "depth": found["depth_mm"].astype(np.float32) * np.float32(_DEPTH_STEP_M),
+            "rgb": arrays["rgb"],
+            "depth": arrays["depth_mm"].astype(np.float32) * np.float32(_DEPTH_STEP_M),
             "action": action,
             "previous_action": np.concatenate([[0], 1 + executed[:-1]]),
             "weight": np.where(changed, inflection, np.float32(1)),
-            "progress": found["progress"],
-            "motion": motions(found["pose"]),
-            "pose": found["pose"].astype(np.float32),
+            "progress": arrays["progress"],
+            "motion": motions(arrays["pose"]),
+            "pose": arrays["pose"].astype(np.float32),
             "waypoints": np.zeros((len(action), FUTURE, 3), np.float32),
             "waypoint_valid": np.zeros((len(action), FUTURE), bool),
         }
         item: dict[str, Any] = {k: torch.from_numpy(v[:steps].copy()) for k, v in values.items()}
         return item | {
-            "tokens": torch.from_numpy(self._tokens.encode(str(found["instruction"]))),
+            "tokens": torch.from_numpy(self._tokens.encode(str(arrays["instruction"]))),
             "length": torch.tensor(steps),
             "cut": torch.tensor(int(action[steps - 1]) != 0),
-            "uid": str(found["name"]),
-            "robot": str(found["robot"]),
+            "uid": str(arrays["name"]),
+            "robot": str(arrays["robot"]),
         }

@@ -46,7 +46,7 @@ class TrainingLog:
 
         Args:
             out: folder of the curves and the weights.
-            card: of the weights, except for the number of steps and the curves.
+            card: card of the weights, except for the number of steps and the curves.
             seen: episodes of the training data to score.
             unseen: held-out episodes to score.
             validate: scores in closed loop at each checkpoint; without it the last one is kept.

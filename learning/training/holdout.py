@@ -66,11 +66,11 @@ def hold_out(
     return Holdout(by, tuple(sorted(chosen)), held)
 
 
-def published_holdout(found: Iterable[Selection]) -> frozenset[str]:
+def published_holdout(selections: Iterable[Selection]) -> frozenset[str]:
     """Return the trajectories of splits that their publisher holds out."""
     return frozenset(
         trajectory
-        for chosen in found
+        for chosen in selections
         for trajectory, split in zip(chosen.trajectories(), chosen.labels("split"), strict=True)
         if is_published_holdout(split)
     )

@@ -45,7 +45,7 @@ class Request:
         mixture: which of its mixtures; the only one when None.
         data: folder whose runs hold the datasets.
         out: folder of the checkpoint, the curves, the state and the decoded images.
-        seed: of the training; the recipe's when None.
+        seed: seed of the training; the recipe's when None.
         changes: settings that override the recipe's `train`.
         start: checkpoint to start from (fine-tuning).
         validate: scores in closed loop at each checkpoint; without it the last one is kept.
@@ -109,8 +109,8 @@ class Planned:
 
     def every(self, label: str) -> tuple[str, ...]:
         """Return the values of a label, such as `robot`, that occur among the episodes."""
-        found = {str(v) for s in self.plan.sources for v in s.selection.labels(label)}
-        return tuple(sorted(found))
+        values = {str(v) for s in self.plan.sources for v in s.selection.labels(label)}
+        return tuple(sorted(values))
 
 
 def plan_training(request: Request) -> Planned:
@@ -128,10 +128,10 @@ def plan_training(request: Request) -> Planned:
     name = _mixture_name(recipe, request.mixture)
     library = Library(request.data)
     used = choose_all(recipe, recipe.mixtures[name].weights, library)
-    found = {source: selection for source, (selection, _) in used.items()}
-    holdout = request.holdout or _holdout(recipe, found)
+    selections = {source: selection for source, (selection, _) in used.items()}
+    holdout = request.holdout or _holdout(recipe, selections)
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
-    held = {s: _held(selection, holdout) for s, selection in found.items()}
+    held = {s: _held(selection, holdout) for s, selection in selections.items()}
     view = view_of([s.selection for s in plan.sources])
     return Planned(config, name, plan, holdout, held, view, start)
 
@@ -249,13 +249,15 @@ def _mixture_name(recipe: Recipe, name: str | None) -> str:
     return name
 
 
-def _holdout(recipe: Recipe, found: Mapping[str, Selection]) -> Holdout:
-    paths = [t for chosen in found.values() for t in chosen.trajectories()]
-    return hold_out(recipe, paths, published_holdout(found.values()))
+def _holdout(recipe: Recipe, selections: Mapping[str, Selection]) -> Holdout:
+    paths = [t for chosen in selections.values() for t in chosen.trajectories()]
+    return hold_out(recipe, paths, published_holdout(selections.values()))
 
 
-def _held(found: Selection, holdout: Holdout) -> Selection:
-    return found.take(np.array([t in holdout.trajectories for t in found.trajectories()], bool))
+def _held(selection: Selection, holdout: Holdout) -> Selection:
+    return selection.take(
+        np.array([t in holdout.trajectories for t in selection.trajectories()], bool)
+    )
 
 
 def _vocabulary(plan: MixturePlan, config: TrainConfig) -> Tokens:

@@ -86,8 +86,8 @@ def train_model(
 
     Args:
         sources: episodes of each source.
-        shares: of the draws.
-        seed: of weights, dropout and the order of the draws.
+        shares: each source's share of the draws.
+        seed: seed of weights, dropout and the order of the draws.
         state: file to resume from, and to write to.
         start: weights to start from (fine-tuning); new ones when None.
 
