@@ -74,7 +74,7 @@ def fuse_splats(
     if not len(places):
         raise SceneError(
             "its Gaussians enclose no space that a camera could stand in: an object, not a room, "
-            "or too small a part of one (floor and three walls are enough); give the room's "
+            "or a part of one that is open on two sides or more; give its "
             "surface with --collision"
         )
     tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")

@@ -85,11 +85,6 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
         f"{len(cloud):,} Gaussians ({kind}); {solid.floaters:,} floaters and "
         f"{solid.background:,} of a far background left out of physics",
     ]
-    if solid.partial:
-        warnings.append(
-            "its Gaussians enclose no room: taken for a part of one, seen from where surfaces "
-            "stand on four sides; look at after.png"
-        )
     white = ScanMaterial("splats", (1.0, 1.0, 1.0))
     uv = np.zeros((len(mesh.faces), 3, 2), dtype=np.float32)
     part = Part(

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...formats.core.errors import SceneError
 from ...formats.splats.record import GaussianCloud
-from ..grid.morphology import distance_to, label
+from ..grid.morphology import distance_to
 
 # Gaussians fainter than this never make a surface on their own.
 MIN_OPACITY = 0.08
@@ -28,11 +28,6 @@ FLOATER_SHARE = 0.04
 # Larger ones, in cells, stand for no surface, unless they are as thin as this share.
 MAX_SIZE_CELLS, FLAT = 2.0, 0.25
 LEAST_GAUSSIANS = 500
-# Space is inside if surfaces are met along so many of the six axes: of a room, and of a part of
-# one.
-SIDES_MET = (5, 4)
-# A camera stands so far from surfaces, in a space of so many cells at least.
-CAMERA_CELLS, SPACE_CELLS, WHOLE_SHARE = 1.8, 430, 0.3
 
 
 @dataclass(frozen=True)
@@ -46,7 +41,6 @@ class Solid:
         origin: (3,) centre of its first cell.
         clearance: (X, Y, Z) float32 distance to the nearest surface where a camera may stand
             [units]; 0 elsewhere.
-        partial: only a part of a room was captured, which is open on two sides.
         floaters, background: numbers of Gaussians left out.
     """
 
@@ -56,7 +50,6 @@ class Solid:
     cell: float
     origin: NDArray[np.float64]
     clearance: NDArray[np.float32]
-    partial: bool
     floaters: int
     background: int
 
@@ -97,14 +90,8 @@ def find_solid(cloud: GaussianCloud) -> Solid:
         raise SceneError(f"none of its {len(cloud):,} Gaussians is as small as a part of a surface")
     weight = np.bincount(flat[keep], cloud.opacity[keep], minlength=count.size).reshape(shape)
     occupied = weight >= 0.1 * float(np.median(weight[weight > 0]))
-    distance = distance_to(occupied)
-    met = sides_met(occupied)
-    roomy = [(met >= least) & ~occupied for least in SIDES_MET]
-    whole, part = (_largest(space & (distance > CAMERA_CELLS)) for space in roomy)
-    # In a part of a room what is closed on five sides is a corner under a table.
-    partial = part >= SPACE_CELLS and whole < WHOLE_SHARE * part
-    clearance = distance.astype(np.float32) * np.float32(cell)
-    clearance[~roomy[int(partial)]] = 0.0
+    clearance = distance_to(occupied).astype(np.float32) * np.float32(cell)
+    clearance[~enclosed(occupied)] = 0.0
     return Solid(
         keep,
         lower,
@@ -112,26 +99,19 @@ def find_solid(cloud: GaussianCloud) -> Solid:
         cell,
         lower + 0.5 * cell,
         clearance,
-        partial=bool(partial),
         floaters=int((visible & boxed & ~keep).sum()),
         background=int((visible & ~boxed).sum()),
     )
 
 
-def sides_met(occupied: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """Return along how many of the six axes each cell (X, Y, Z) meets a surface."""
+def enclosed(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the free cells (X, Y, Z) from which at least five of the six axes meet a surface."""
     met = np.zeros(occupied.shape, dtype=np.uint8)
     for axis in range(3):
         ahead = np.maximum.accumulate(occupied, axis=axis)
         behind = np.flip(np.maximum.accumulate(np.flip(occupied, axis), axis=axis), axis)
         met += ahead.astype(np.uint8) + behind.astype(np.uint8)
-    return met
-
-
-def _largest(space: NDArray[np.bool_]) -> int:
-    """Return the number of cells of the largest connected part of `space`."""
-    parts, count = label(space)
-    return int(np.bincount(parts.ravel(), minlength=2)[1:].max()) if count else 0
+    return (met >= 5) & ~occupied
 
 
 def _main_part(points: NDArray[np.float64]) -> NDArray[np.bool_]:
