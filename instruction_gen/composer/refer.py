@@ -10,6 +10,8 @@ from ..language.nouns import answers, spoken
 PASS_M = 2.0
 STOP_M = 1.9
 _TURN_M = 1.7
+# A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
+_PIXELS_AT_GOAL, _LAST_LOOK_M = 40, 0.3
 _ORDINALS = {2: "second", 3: "third"}
 _SMALL = frozenset("dumbbell vase bin trash can pouf stool basket box towel rail".split())
 
@@ -60,11 +62,16 @@ def passing_candidates(
 
 
 def stop_candidates(facts: PathFacts, rng: np.random.Generator, colours: float) -> list[Reference]:
-    """Return the things at the goal, not behind the walker, best first."""
+    """Return the things at the goal that the camera shows there, best first.
+
+    Without a camera they are those not behind the walker.
+    """
     found = []
     for mark in facts.landmarks:
         at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
         if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
+            continue
+        if facts.camera is not None and not _in_view_at_goal(mark, facts.length_m):
             continue
         reference = _refer(mark, facts, rng, colours, mark.goal_distance_m, "", at_goal=True)
         if reference is not None:
@@ -150,6 +157,12 @@ def _at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
 
 def _noticed(mark: LandmarkFact) -> bool:
     return mark.distance_m <= 3.5 and (mark.max_pixels > 60 or mark.first_seen_m < 0)
+
+
+def _in_view_at_goal(mark: LandmarkFact, length_m: float) -> bool:
+    return any(
+        m.pixels >= _PIXELS_AT_GOAL and m.along_m >= length_m - _LAST_LOOK_M for m in mark.moments
+    )
 
 
 def came_by(mark: LandmarkFact) -> bool:
