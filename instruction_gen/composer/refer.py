@@ -11,7 +11,7 @@ PASS_M = 2.0
 STOP_M = 1.9
 _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
-_PIXELS_AT_GOAL, _LAST_LOOK_M = 40, 0.3
+_PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _ORDINALS = {2: "second", 3: "third"}
 _SMALL = frozenset("dumbbell vase bin trash can pouf stool basket box towel rail".split())
 
