@@ -15,7 +15,7 @@ from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger, Row
 from .engine.run_folder import RunFolder
 from .engine.runner import StageSummary
-from .inputs.crews import kept
+from .inputs.crews import robot_of_run
 from .options.collect import Collect
 from .options.command_line import command_line
 from .report.gather import LeftOut, RobotRow, left_out, robot_rows, shared_paths_note
@@ -93,7 +93,8 @@ def _walked_too(one: LeftOut, options: Collect, root: Path) -> str:
         if one.actions
         else {}
     )
-    who = {"robot": kept(one.robot, root), "controller": one.controller}
+    robot = robot_of_run(one.robot, root)
+    who = {"robot": str(robot.folder or robot.name), "controller": one.controller}
     return command_line(replace(options, **who, **timing))
 
 

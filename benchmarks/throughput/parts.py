@@ -104,20 +104,21 @@ def measure_parts(scene: str, robot_name: str) -> dict[str, Any]:
             episode = read_rollout(source).episode
             out = Path(temporary) / str(number)
             config = ReplayConfig(robot=robot_name, controller="path")
+            walker = replay_job.Walker(robot, config)
             rollout, review = out / "r.mcap", run / "review.jsonl"
             out.mkdir()
             depth = DepthKeeper()
             jobs = {
-                "replay": replay_job.ReplayJob(folder, episode, config, run / "models", rollout),
+                "replay": replay_job.ReplayJob(folder, episode, walker, run / "models", rollout),
                 "render": render_job.RenderJob(
-                    folder, rollout, "r.mcap", robot_name, view, FRAMES_PER_SECOND, "h264",
+                    folder, rollout, "r.mcap", robot, view, FRAMES_PER_SECOND, "h264",
                     Extras(), out / "frames", depth,
                 ),
                 "export": export_job.UnitJob(
                     rollout, out / "frames", out / "unit", "video", review
                 ),
                 "mcap": mcap_job.McapJob(
-                    rollout, out / "frames", folder, robot_name, "data", (), "video", review, "",
+                    rollout, out / "frames", folder, robot, "data", (), "video", review, "",
                     out / "m.mcap", depth,
                 ),
             }  # fmt: skip

@@ -74,7 +74,7 @@ class RobotSpec:
     fall: FallThresholds
     command_limits: CommandLimits
     sources: tuple[str, ...]
-    build: "Callable[[RobotSpec], mujoco.MjSpec]" = field(repr=False)
+    build: "Callable[[RobotSpec], mujoco.MjSpec]" = field(repr=False, compare=False)
     drive: WheelDrive | None = None
     folder: Path | None = None
     content_sha256: str = ""

@@ -15,16 +15,16 @@ from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.stairs import StairRules
-from ..commands.instruct import instruct_config, vision_settings
-from ..engine.context import open_context
+from ..context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..engine.runner import StageSummary
 from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
-from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
 from ..inputs.folders import find_scans
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..inputs.views import check_frame_rate, chosen_views
+from ..inputs.wording import instruct_config, vision_settings
 from ..options.collect import Collect
 from ..report import items as report
 from ..stages.datasets.export_items import check_depth_storage
@@ -81,9 +81,9 @@ def run(options: Collect) -> int:
         if not (episode_files or options.only_episodes):
             context.workers.expect(count * len(sources), rollouts.MODULES)
         folder = RunFolder(context.ledger.root)
-        keep_all(robots, context.ledger)
-        widest = max(robots, key=lambda robot: robot.footprint_radius_m)
-        eye = _eye(context.ledger) or kept(widest.name, folder.root)
+        pairs = keep_crews(pairs, context.ledger)
+        widest, _ = max(pairs, key=lambda crew: crew[0].footprint_radius_m)
+        eye = _eye(context.ledger) or widest
         current = Run(folder, context, options.seed, actions, options.per_instruction)
         wording = episodes.Wording(instructing, eye, vision)
         scenes = episodes.repaired(current, sources, repairing, options.allow_unsound)
@@ -107,10 +107,10 @@ def run(options: Collect) -> int:
                 asked,
                 scenes,
                 (robot, controller),
-                views[robot],
+                views[robot.name],
                 product,
                 {
-                    "robot": robot,
+                    "robot": robot.name,
                     "controller": controller,
                     **({"actions": asdict(actions)} if controller == "speed" else {}),
                     "seed": options.seed,
@@ -148,13 +148,14 @@ def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[Sta
     return int(quarantined > options.max_failed)
 
 
-def _eye(ledger: Ledger) -> str | None:
+def _eye(ledger: Ledger) -> RobotSpec | None:
     """Return the robot whose camera an earlier run of this folder looked with, if any.
 
     Robots that join later walk the same episodes with the same instructions.
     """
     rows = (row for row in ledger.rows(sight.STAGE) if row.status == "done")
-    return next((row.facts["robot"] for row in rows if "robot" in row.facts), None)
+    names = (str(row.facts["robot"]) for row in rows if "robot" in row.facts)
+    return next((robot_of_run(Path(name).name, ledger.root) for name in names), None)
 
 
 def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:

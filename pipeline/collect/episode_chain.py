@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ...collectors.robots import RobotSpec
 from ...formats.core.episode import Episode
 from ...formats.vlnce.records import split_name
 from ...instruction_gen.llm.settings import LlmSettings
@@ -35,7 +36,7 @@ class Wording:
     """
 
     config: InstructConfig
-    robot: str
+    robot: RobotSpec
     vision: LlmSettings | None = None
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from ...collectors.replay.replay import ReplayConfig
+from ...collectors.robots import RobotSpec
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...rendering.camera.extras import Extras
@@ -13,7 +13,7 @@ from ...rendering.camera.views import View
 from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
-from ..inputs.crews import action_timing, kept
+from ..inputs.crews import Crew, action_timing, robot_of_run
 from ..stages.datasets import export_items as export
 from ..stages.datasets.export_job import UnitJob
 from ..stages.datasets.mcap_job import McapJob
@@ -21,9 +21,9 @@ from ..stages.instructions import instruct_items as instruct
 from ..stages.instructions import sight_items as sight
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts import replay_items as replay
-from ..stages.rollouts import together
 from ..stages.rollouts.render_job import RenderJob
-from ..stages.rollouts.replay_job import ReplayJob
+from ..stages.rollouts.replay_job import ReplayJob, Walker
+from . import together
 from .run import Run
 
 # What a worker imports that takes an episode through all stages.
@@ -52,7 +52,7 @@ def select_current(
     run: Run,
     asked: Sequence[Episode],
     scenes: Mapping[str, Row],
-    pairs: Sequence[tuple[str, str]],
+    pairs: Sequence[Crew],
 ) -> None:
     """Leave out robots other than `pairs` that walked other paths, or else than they would now.
 
@@ -61,14 +61,14 @@ def select_current(
     """
     ledger = run.context.ledger
     done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
-    current = {(robot, replay.label_of(ledger, _config(run, robot, name))) for robot, name in pairs}
+    current = {(crew[0].name, replay.label_of(ledger, _walker(run, crew).config)) for crew in pairs}
     for robot, label in sorted(done - current):
         scope = f"{robot}/{label}/"
         rows = [row for row in ledger.rows(replay.STAGE) if row.item.startswith(scope)]
         try:
-            config = _recorded_config(run, robot, label)
-            if config.seed != run.seed or _agree(
-                ledger, rows, asked, _walks(run, asked, scenes, config, label)
+            walker = _recorded_walker(run, robot, rows)
+            if walker.config.seed != run.seed or _agree(
+                ledger, rows, asked, _walks(run, asked, scenes, walker, label)
             ):
                 continue
         except InputError:  # a robot that is known no more
@@ -82,7 +82,7 @@ def collect(
     run: Run,
     asked: Sequence[Episode],
     scenes: Mapping[str, Row],
-    crew: tuple[str, str],
+    crew: Crew,
     views: Sequence[View],
     product: Product,
     facts: Mapping[str, Any],
@@ -96,19 +96,20 @@ def collect(
         views: what to render.
         facts: options for the provenance.
     """
-    folder, (robot, controller) = run.folder, crew
-    config = _config(run, robot, controller)
-    label = replay.label_of(run.context.ledger, config)
-    walks = _walks(run, asked, scenes, config, label)
+    folder, robot = run.folder, crew[0]
+    walker = _walker(run, crew)
+    label = replay.label_of(run.context.ledger, walker.config)
+    walks = _walks(run, asked, scenes, walker, label)
     rollouts: dict[str, Row] | None = None
     for view in views:
-        dataset = export.Dataset.under(folder.root, robot, label, view.name)
-        renders = partial(_renders, run, scenes, view, product)
+        dataset = export.Dataset.under(folder.root, robot.name, label, view.name)
+        renders = partial(_renders, run, robot, scenes, view, product)
         of_view = f" {view.kind} {view.light}" if len(views) > 1 else ""
         exports = partial(
             export.items,
             root=folder.root,
             scenes=folder.scenes,
+            robot=robot,
             dataset=dataset,
             depth_storage=product.depth_storage,
             per_instruction=run.per_instruction,
@@ -121,10 +122,10 @@ def collect(
             renders,
             exports,
             only_success=product.only_success,
-            label=f"{robot} {label}{of_view}",
+            label=f"{robot.name} {label}{of_view}",
         )
         if rollouts is None:
-            rollouts = run.stage(replay.STAGE, walks, f"{robot}/{label}/").good()
+            rollouts = run.stage(replay.STAGE, walks, f"{robot.name}/{label}/").good()
             run.context.ledger.record_new(folder.models)
         frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
         summaries = export.run(
@@ -138,11 +139,16 @@ def collect(
 
 
 def _renders(
-    run: Run, scenes: Mapping[str, Row], view: View, product: Product, rollouts: Mapping[str, Row]
+    run: Run,
+    robot: RobotSpec,
+    scenes: Mapping[str, Row],
+    view: View,
+    product: Product,
+    rollouts: Mapping[str, Row],
 ) -> list[WorkItem]:
     folder = run.folder
     return render.items(
-        render.Recorded(rollouts, folder.root, scenes, folder.scenes),
+        render.Recorded(robot, rollouts, folder.root, scenes, folder.scenes),
         view,
         product.frames_per_second,
         folder.frames,
@@ -158,31 +164,30 @@ def _model_usage(ledger: Ledger) -> dict[str, Any]:
     return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
 
 
-def _config(run: Run, robot: str, controller: str) -> ReplayConfig:
-    return replay.config(kept(robot, run.folder.root), controller, run.seed, run.actions)
+def _walker(run: Run, crew: Crew) -> Walker:
+    return replay.walker(*crew, run.seed, run.actions)
 
 
-def _recorded_config(run: Run, robot: str, label: str) -> ReplayConfig:
-    """Return the settings of the rollouts that are kept under a label."""
-    for row in run.context.ledger.rows(replay.STAGE):
-        if row.item.startswith(f"{robot}/{label}/") and "seed" in row.facts:
-            actions, facts = row.facts["actions"], row.facts
-            timing = action_timing(**actions) if actions else run.actions
-            reference = kept(robot, run.folder.root)
-            return replay.config(reference, facts["controller"], facts["seed"], timing)
-    return _config(run, robot, label)
+def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
+    """Return what walked the rollouts of some rows, which share robot and label."""
+    robot = robot_of_run(name, run.folder.root)
+    for facts in (row.facts for row in rows if "seed" in row.facts):
+        actions = facts["actions"]
+        timing = action_timing(**actions) if actions else run.actions
+        return replay.walker(robot, facts["controller"], facts["seed"], timing)
+    return _walker(run, (robot, rows[0].item.split("/")[1]))
 
 
 def _walks(
     run: Run,
     asked: Sequence[Episode],
     scenes: Mapping[str, Row],
-    config: ReplayConfig,
+    walker: Walker,
     label: str,
 ) -> list[WorkItem]:
     folder = run.folder
     where = (folder.scenes, folder.rollouts, folder.models)
-    return replay.items(asked, scenes, *where, config, label)
+    return replay.items(asked, scenes, *where, walker, label)
 
 
 def _agree(

@@ -20,7 +20,7 @@ from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
 from ..collect import command as collect
-from ..engine.context import open_context
+from ..context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
 from ..inputs.crews import chosen_robots

@@ -5,7 +5,7 @@ from ...formats.core.errors import InputError
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.video.mp4 import check_rgb_codec
-from ..engine.context import open_context
+from ..context import open_context
 from ..options.convert import Convert, Restore
 from ..stages.convert import items as convert
 from ..stages.convert import source as convert_source

@@ -16,7 +16,7 @@ from ...formats.vlnce.files import read_vlnce, write_episodes
 from ...formats.vlnce.groups import instruction_count
 from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.stairs import StairRules
-from ..engine.context import open_single
+from ..context import open_single
 from ..engine.ledger import Row
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest

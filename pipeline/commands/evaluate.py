@@ -36,12 +36,12 @@ from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...learning.card import Card, read_card
 from ...rendering.camera.views import CameraOverrides, View
-from ..engine.context import open_context
+from ..context import open_context
 from ..engine.ledger import Row
 from ..engine.run_folder import safe_name
 from ..engine.runner import Context, run_stage
 from ..engine.work import digest
-from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_all
+from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_crews
 from ..inputs.episode_file import asked_episodes
 from ..inputs.views import chosen_views
 from ..options.evaluate import Compare, Evaluate
@@ -114,14 +114,15 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
     actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options) as context:
         root = context.ledger.root
-        spec = keep_all([robot], context.ledger)[robot.name]
-        config = closed_loop(replay.config(spec, options.controller, options.seed, actions))
+        (crew,) = keep_crews([(robot, options.controller)], context.ledger)
+        walker = replay.walker(*crew, options.seed, actions)
+        walker = replace(walker, config=closed_loop(walker.config))
         items = evaluate.items(
             episodes,
             scenes,
             scenes_folder.resolve(),
             root,
-            config=config,
+            walker=walker,
             policy=policy,
             identity=identity,
             view=view,
@@ -148,7 +149,7 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
             "action_steps": options.action_steps,
             "closed_loop": options.closed_loop,
             "splits": sorted({e.split for e in episodes}),
-            "gait_sha256": replay.gait_digest(config),
+            "gait_sha256": replay.gait_digest(walker),
             "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
             "instructions_sha256": digest([e.instruction for e in episodes]),
         }
@@ -160,9 +161,17 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
             context.ledger.record_new(root / CACHE)
         folder = scenes_folder.resolve()
         if options.mcap:
-            _write_mcap(context, summary.good(), scenes, folder, view)
+            _write_mcap(context, walker.robot, summary.good(), scenes, folder, view)
         if options.films > 0:
-            policy_report.write(context, rows, value, view=view, scenes=folder, films=options.films)
+            policy_report.write(
+                context,
+                rows,
+                value,
+                robot=walker.robot,
+                view=view,
+                scenes=folder,
+                films=options.films,
+            )
     return Evaluation(out, scenes_folder, value)
 
 
@@ -200,16 +209,21 @@ def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, V
 
 
 def _write_mcap(
-    context: Context, rows: Mapping[str, Row], scenes: Mapping[str, Row], folder: Path, view: View
+    context: Context,
+    robot: RobotSpec,
+    rows: Mapping[str, Row],
+    scenes: Mapping[str, Row],
+    folder: Path,
+    view: View,
 ) -> None:
     """Render what the policy saw and write an MCAP file per episode, with images."""
     root = context.ledger.root
-    for robot, controller in sorted({tuple(item.split("/")[:2]) for item in rows}):
-        dataset = export.Dataset.under(root, robot, controller, view.name)
-        recorded = render.Recorded(rows, root, scenes, folder)
+    for controller in sorted({item.split("/")[1] for item in rows}):
+        dataset = export.Dataset.under(root, robot.name, controller, view.name)
+        recorded = render.Recorded(robot, rows, root, scenes, folder)
         items = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
         frames = run_stage(context, render.STAGE, items, dataset.scope).good()
-        items = export.items(frames, root, folder, dataset)[export.MCAP_STAGE]
+        items = export.items(frames, root, folder, dataset, robot)[export.MCAP_STAGE]
         run_stage(context, export.MCAP_STAGE, items, dataset.scope)
 
 

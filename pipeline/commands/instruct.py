@@ -10,23 +10,23 @@ from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
 from ...instruction_gen.instruct import Levels
-from ...instruction_gen.llm.settings import LlmSettings, settings_from
-from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles
 from ...instruction_gen.show import show_path
-from ..engine.context import open_single, run_output
+from ..context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.run_folder import SightFiles
 from ..engine.runner import run_stage
 from ..engine.work import digest
+from ..inputs.crews import chosen_robot
 from ..inputs.episode_file import episode_files, scenes_of
+from ..inputs.wording import instruct_config, vision_settings
 from ..options.instructions import Instruct
-from ..options.shared import Wording
 from ..stages.instructions import instruct_items as instruct
 from ..stages.instructions import sight_items as sight
 from ..stages.instructions.instruct_job import CACHE, InstructJob, read_sights
 from ..stages.scenes import items as repair
 from ..summary import print_result
 
+NO_ROBOT = "none"  # no camera looks along the paths
 # In the ledger's folder.
 EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
 
@@ -51,18 +51,18 @@ def run(options: Instruct) -> int:
     repair.demand(by_scene, rows, scenes)
     out, scenes = options.out.resolve(), scenes.resolve()
     vision = vision_settings(options)
-    camera = "aliengo" if options.robot == "none" else options.robot
+    robot = chosen_robot(Instruct.robot if options.robot == NO_ROBOT else options.robot)
     with open_single(out, options.workers) as context:
         root = context.ledger.root
         files = SightFiles(root)
-        looking = sight.Sight(scenes, files, camera, config.replace)
+        looking = sight.Sight(scenes, files, robot, config.replace)
         for scene, episodes in by_scene.items():
             write_episodes(_part(root, scene), episodes)
         keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
         cache = (options.cache or out.parent / CACHE).resolve()
         made_before: list[Row] = []
         seen: tuple[Path, ...] = ()
-        if options.robot != "none" and by_scene:
+        if options.robot != NO_ROBOT and by_scene:
             items = [
                 looking.look(
                     Row("episodes", scene, digest(rows[scene].key, episodes), "done"),
@@ -146,39 +146,3 @@ def _show(episodes: Sequence[Episode], job: InstructJob) -> None:
     for episode in episodes:
         facts = path_facts(episode, levels.of(episode), sight)
         sys.stdout.write(show_path(episode, facts) + "\n\n")
-
-
-def instruct_config(options: Wording) -> InstructConfig:
-    """Return the configuration of the instructions that `collect` and `instruct` were asked for.
-
-    Raises:
-        InputError: an unknown name or a bad number; the message lists the valid ones.
-    """
-    asked = None
-    if options.writer in (LLM, LOCAL):
-        asked = settings_from(
-            local=options.writer == LOCAL,
-            max_tokens=options.max_tokens,
-            max_cost=options.max_cost,
-        )
-    return InstructConfig(
-        writer=options.writer,
-        styles=parse_styles(options.style),
-        count=options.count,
-        languages=parse_languages(options.language),
-        replace=options.replace,
-        llm=asked,
-    )
-
-
-def vision_settings(options: Wording) -> LlmSettings | None:
-    """Return the vision-language model that names things and rooms; None without `--vision`.
-
-    Raises:
-        InputError: a variable of the environment is missing, or cannot be used.
-    """
-    if not options.vision:
-        return None
-    return settings_from(
-        asked_by="--vision", max_tokens=options.max_tokens, max_cost=options.max_cost
-    )

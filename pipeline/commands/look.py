@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from dataclasses import asdict
 
 from .. import doctor
-from ..engine.executors.base import Workers
+from ..engine.executors.processes import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context

@@ -8,12 +8,12 @@ from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.facts.named import read_named
 from ...instruction_gen.review.server import Review, make_server
-from ..engine.context import LEDGERS
+from ..context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episode_file import scenes_of
 from ..options.instructions import Review as ReviewOptions
+from ..stages.datasets.reviewed import REVIEW_NAME
 from ..stages.instructions.instruct_job import read_sights
-from ..stages.instructions.reviewed import REVIEW_NAME
 
 
 def run(options: ReviewOptions) -> int:

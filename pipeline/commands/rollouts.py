@@ -8,10 +8,10 @@ from ...formats.vlnce.groups import group_by_path
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides
 from ...rendering.registry import chosen_renderer
-from ..engine.context import open_context
+from ..context import open_context
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import StageSummary, run_stage
-from ..inputs.crews import action_timing, chosen_robots, crews, keep_all, kept
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
 from ..inputs.episode_file import asked_episodes, scenes_of
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
@@ -31,8 +31,7 @@ def run_replay(options: Replay) -> int:
     Raises:
         InputError: If a robot or controller is unknown, or a file or folder cannot be used.
     """
-    robots = chosen_robots(options.robot)
-    pairs = crews(robots, options.controller)
+    pairs = crews(chosen_robots(options.robot), options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, None)
     asked = group_by_path(episodes)
@@ -41,14 +40,13 @@ def run_replay(options: Replay) -> int:
     summaries = []
     with open_context(options.out, options) as context:
         root = context.ledger.root
-        found_by = keep_all(robots, context.ledger)
-        for robot, controller in pairs:
-            config = replay.config(found_by[robot], controller, options.seed, actions)
-            label = replay.label_of(context.ledger, config)
+        for crew in keep_crews(pairs, context.ledger):
+            walker = replay.walker(*crew, options.seed, actions)
+            label = replay.label_of(context.ledger, walker.config)
             items = replay.items(
-                asked, scenes, scenes_folder.resolve(), root, root / "models", config, label
+                asked, scenes, scenes_folder.resolve(), root, root / "models", walker, label
             )
-            summaries.append(run_stage(context, replay.STAGE, items, f"{robot}/{label}/"))
+            summaries.append(run_stage(context, replay.STAGE, items, f"{crew[0].name}/{label}/"))
         context.ledger.record_new(root / "models")
     return _print_summary(options, summaries)
 
@@ -82,11 +80,10 @@ def run_render(options: Render) -> int:
         height_m=options.camera_height,
         pitch_down_deg=options.camera_pitch,
     )
+    robots = {robot: robot_of_run(robot, source.root) for robot, _ in groups}
     views = {
-        robot: chosen_views(
-            options.camera, options.light, options.renderer, kept(robot, source.root), wishes
-        )
-        for robot, _ in groups
+        name: chosen_views(options.camera, options.light, options.renderer, robot, wishes)
+        for name, robot in robots.items()
     }
     if not groups:
         raise FileFormatError(options.rollouts, "contains no rollout")
@@ -98,7 +95,7 @@ def run_render(options: Render) -> int:
     with open_context(options.out, options) as context:
         out = context.ledger.root
         for (robot, controller), rows in groups.items():
-            recorded = render.Recorded(rows, root, scenes, folder)
+            recorded = render.Recorded(robots[robot], rows, root, scenes, folder)
             for view in views[robot]:
                 scope = f"{robot}/{controller}/{view.name}/"
                 if options.video:
@@ -141,6 +138,7 @@ def run_export(options: Export) -> int:
                 root,
                 folder,
                 dataset,
+                robot_of_run(robot, root),
                 depth_storage=options.depth,
                 per_instruction=options.per_instruction,
             )

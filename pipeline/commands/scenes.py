@@ -1,7 +1,7 @@
 """Commands that make scenes: `scan`, `repair`."""
 
 from ...formats.core.errors import InputError
-from ..engine.context import run_single
+from ..context import run_single
 from ..inputs.builtin import BuiltIn, check_kind
 from ..inputs.folders import refuse_to_replace
 from ..options.scenes import Repair, Scan

@@ -15,6 +15,9 @@ from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 from ..engine.ledger import Ledger
 
 ALL, AUTO = "all", "auto"
+FOLDER = "robots"  # in a run: copies of users' own robots
+# A robot and the name of its controller.
+Crew = tuple[RobotSpec, str]
 USUAL = "path"  # what `auto` means for whatever has a body
 
 
@@ -41,8 +44,20 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     return list(by_name.values())
 
 
-def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
-    """Return each robot with each controller of `--controller <text>` that can drive it, by name.
+def chosen_robot(text: str) -> RobotSpec:
+    """Return the robot of `--robot <text>`, of a command that takes one; see `chosen_robots`.
+
+    Raises:
+        InputError: If there is no such robot, or several are named.
+    """
+    robots = chosen_robots(text)
+    if len(robots) != 1:
+        raise InputError(f"--robot {text}: valid: one robot")
+    return robots[0]
+
+
+def crews(robots: Iterable[RobotSpec], text: str) -> list[Crew]:
+    """Return each robot with each controller of `--controller <text>` that can drive it.
 
     `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
     and therefore cannot be driven, only placed.
@@ -64,7 +79,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[tuple[str, str]]:
                 f"--controller {text}: {robot.name} has no joints to drive; valid for it: "
                 f"{', '.join(valid)}"
             )
-        result += [(robot.name, name) for name in able]
+        result += [(robot, name) for name in able]
     return result
 
 
@@ -111,38 +126,32 @@ def _names(option: str, text: str, everything: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(spelled))
 
 
-FOLDER = "robots"
+def keep(robot: RobotSpec, root: Path) -> RobotSpec:
+    """Return a robot as a run uses it: one from a folder is copied to `<root>/robots/<name>`."""
+    if robot.folder is None:
+        return robot
+    copy = root / FOLDER / robot.name
+    if not copy.is_dir() or folder_digest(copy) != robot.content_sha256:
+        with atomic_folder(copy) as temporary:
+            for path in folder_files(robot.folder):
+                target = temporary / path.relative_to(robot.folder)
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, target)
+    return get_robot(str(copy))
 
 
-def keep(robot: RobotSpec, root: Path) -> str:
-    """Copy a robot that came from a folder to `<root>/robots/<name>`; built-in ones need no copy.
+def keep_crews(pairs: Iterable[Crew], ledger: Ledger) -> list[Crew]:
+    """Return crews whose robots are those of a run's folder, with records of their files."""
+    kept = [(keep(robot, ledger.root), controller) for robot, controller in pairs]
+    ledger.record({robot.folder for robot, _ in kept if robot.folder is not None})
+    return kept
 
-    Returns:
-        What to pass to `get_robot` from now on.
+
+def robot_of_run(name: str, root: Path) -> RobotSpec:
+    """Return the robot of a run with a name that its ledger records.
+
+    Raises:
+        UnknownNameError: If there is no such robot any more.
     """
-    if robot.folder is not None:
-        copy = root / FOLDER / robot.name
-        if not copy.is_dir() or folder_digest(copy) != robot.content_sha256:
-            with atomic_folder(copy) as temporary:
-                for path in folder_files(robot.folder):
-                    target = temporary / path.relative_to(robot.folder)
-                    target.parent.mkdir(parents=True, exist_ok=True)
-                    shutil.copyfile(path, target)
-    return kept(robot.name, root)
-
-
-def keep_all(robots: Sequence[RobotSpec], ledger: Ledger) -> dict[str, str]:
-    """Keep robots in a run's folder, with records of their files; see `keep`.
-
-    Returns:
-        What to pass to `get_robot` from now on, by name.
-    """
-    found = {robot.name: keep(robot, ledger.root) for robot in robots}
-    ledger.record(ledger.root / FOLDER / r.name for r in robots if r.folder is not None)
-    return found
-
-
-def kept(name: str, root: Path) -> str:
-    """Return what to pass to `get_robot` for a run's robot `name`: its copy, or its name."""
     copy = root / FOLDER / name
-    return str(copy) if copy.is_dir() else name
+    return get_robot(str(copy) if copy.is_dir() else name)

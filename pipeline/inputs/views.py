@@ -24,12 +24,12 @@ def chosen_lights(text: str) -> list[str]:
 
 
 def chosen_views(
-    camera: str, light: str, renderer: str, robot: str | RobotSpec, wishes: CameraOverrides
+    camera: str, light: str, renderer: str, robot: RobotSpec, wishes: CameraOverrides
 ) -> list[View]:
     """Return every camera in `camera` under every light in `light`.
 
     Raises:
-        UnknownNameError: no such camera, light, renderer or robot; the message lists valid names.
+        UnknownNameError: no such camera, light or renderer; the message lists the valid names.
         InputError: a camera that cannot be read, or `gl` where nothing can be drawn with it.
     """
     # What `auto` means is up to each scene: see `scene_renderer_name`.

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..engine.executors.base import LOCAL, Execution
+from ..engine.executors.execution import LOCAL, Execution
 from .shared import Parallel
 
 

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ...collectors.robots import RobotSpec
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
-from ..inputs.crews import kept
+from ..inputs.crews import robot_of_run
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts.pictures_job import ClipJob, MapJob, StripJob
 from .gather import left_out, replay_rows
@@ -129,9 +130,9 @@ def _clip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     return result
 
 
-def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, str]:
+def _paths(folder: RunFolder, row: Row) -> tuple[Path, Path, RobotSpec]:
     """Return scene, rollout and robot of a row of the replay stage."""
-    robot = kept(str(row.facts["robot"]), folder.root)
+    robot = robot_of_run(str(row.facts["robot"]), folder.root)
     return folder.scenes / str(row.facts["scene"]), folder.root / row.outputs[0], robot
 
 

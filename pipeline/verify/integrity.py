@@ -7,11 +7,11 @@ from pathlib import Path
 from ...formats.core.atomic import TEMPORARY_PREFIX
 from ...formats.core.progress import progress_bar
 from ...instruction_gen.review.decisions import DecisionFile
-from ..engine.context import LEDGERS
+from ..context import LEDGERS
 from ..engine.files import FileRecord, resized
 from ..engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger
 from ..engine.lock import LOCK_NAME
-from ..stages.instructions.reviewed import REVIEW_NAME
+from ..stages.datasets.reviewed import REVIEW_NAME
 from ..store.address import MARKER_NAME
 
 # The files of the ledger and of the store, and the one that people edit: none has a record.

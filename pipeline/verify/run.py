@@ -9,7 +9,7 @@ from ...collectors.robots.registry import ROBOTS
 from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ...formats.scene.bundle import INDEX_NAME
-from ..engine.context import LEDGERS
+from ..context import LEDGERS
 from ..engine.ledger import MANIFEST_NAME, Ledger
 from ..engine.lock import refuse_if_locked
 from ..inputs.crews import ALL, AUTO

@@ -18,10 +18,11 @@ from tests.collectors.test_replay import make_episode
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.physics.outcome import OutcomeConfig
 from vlnpe.collectors.replay.replay import ReplayConfig
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.geometry import resample
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine.context import open_context
+from vlnpe.pipeline.context import open_context
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.engine.runner import run_stage
@@ -31,7 +32,7 @@ from vlnpe.pipeline.report import items as report_items
 from vlnpe.pipeline.report.failures import failure_figures
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages.rollouts import replay_items
-from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob
+from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob, Walker
 
 DATASET = "aliengo-path-ego-64x48-90deg-baked"
 OUTCOMES = {
@@ -61,14 +62,14 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
         items: list[WorkItem] = []
         for name, outcome in OUTCOMES.items():
             episode = make_episode(bundle, (2.6, 2.0), (5.4, 2.0), name=name)
-            config = ReplayConfig(outcome=outcome)
+            walker = Walker(get_robot("aliengo"), ReplayConfig(outcome=outcome))
             items += replay_items.items(
                 [episode],
                 {"two_rooms": scene},
                 folder.scenes,
                 folder.rollouts,
                 folder.models,
-                config,
+                walker,
             )
         run_stage(context, replay_items.STAGE, items)
         report_items.write(folder, context, [])
@@ -110,7 +111,8 @@ def test_a_diverged_episode_that_succeeds_later_leaves_no_dump(root: Path, tmp_p
     dump = tmp_path / "mad.diverged.json"
     dump.write_text("{}")
     rollout = read_rollout(root / "rollouts" / "aliengo" / "path" / "good.mcap")
-    ReplayJob(bundle_root, rollout.episode, ReplayConfig(), tmp_path, tmp_path / "mad.mcap").run()
+    walker = Walker(get_robot("aliengo"), ReplayConfig())
+    ReplayJob(bundle_root, rollout.episode, walker, tmp_path, tmp_path / "mad.mcap").run()
     assert not dump.exists()
     assert (tmp_path / "mad.mcap").is_file()
 

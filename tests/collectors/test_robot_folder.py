@@ -25,6 +25,7 @@ from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.stages.rollouts import replay_items
+from vlnpe.pipeline.stages.rollouts.replay_job import Walker
 from vlnpe.rendering.scene.robot_body import RobotBody
 
 pytestmark = pytest.mark.chain
@@ -118,7 +119,7 @@ def test_an_edited_robot_does_its_work_again_and_a_moved_one_does_not(
             tmp_path,
             tmp_path,
             tmp_path,
-            ReplayConfig(robot=str(folder)),
+            Walker(get_robot(str(folder)), ReplayConfig(robot="rover")),
         )
         return [item.key for item in items]
 

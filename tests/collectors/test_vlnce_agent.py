@@ -99,11 +99,12 @@ def test_controllers_that_drive_are_refused(two_rooms: SceneBundle, controller: 
 
 def test_by_itself_it_flashes_while_the_others_follow_the_path():
     robots = chosen_robots("aliengo,vlnce")
-    assert crews(robots, "auto") == [("aliengo", "path"), ("vlnce", "flash")]
+    aliengo, vlnce = robots
+    assert crews(robots, "auto") == [(aliengo, "path"), (vlnce, "flash")]
     assert crews(robots, "speed,flash") == [
-        ("aliengo", "speed"),
-        ("aliengo", "flash"),
-        ("vlnce", "flash"),
+        (aliengo, "speed"),
+        (aliengo, "flash"),
+        (vlnce, "flash"),
     ]
 
 

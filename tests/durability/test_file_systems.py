@@ -15,8 +15,8 @@ from tests.support.runs.content import content
 from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine.context import open_context, run_single
-from vlnpe.pipeline.engine.executors import base as executors
+from vlnpe.pipeline.context import open_context, run_single
+from vlnpe.pipeline.engine.executors import execution as executors
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, StageSummary, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

@@ -15,8 +15,8 @@ import pytest
 from tests.durability.test_signals import lingering, lives, start, until  # noqa: F401
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 from vlnpe.formats.core.errors import InputError
+from vlnpe.pipeline.context import open_context
 from vlnpe.pipeline.engine import lock as locks
-from vlnpe.pipeline.engine.context import open_context
 from vlnpe.pipeline.engine.holder import Holder
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger
 from vlnpe.pipeline.engine.lock import LOCK_NAME, LockedError, lock, refuse_if_locked

@@ -12,7 +12,7 @@ import pytest
 
 from tests.support.runs import tiny_run
 from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
-from vlnpe.pipeline.engine.context import open_context
+from vlnpe.pipeline.context import open_context
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.options.running import Running
 
@@ -144,7 +144,7 @@ def handles(pid: int, number: int) -> bool:
 
 def test_no_worker_ever_receives_ctrl_c():
     code = (
-        "import signal; from vlnpe.pipeline.engine.executors.base import Workers\n"
+        "import signal; from vlnpe.pipeline.engine.executors.processes import Workers\n"
         "with Workers(1) as workers:\n"
         "    held = workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()\n"
         "print(signal.SIGINT in held)"

@@ -143,7 +143,8 @@ class LookAround:
 def test_stuck_is_judged_over_fifty_actions_under_every_timing(two_rooms, episodes, timing) -> None:
     # On wheels: a gait's drift in heading can add up to 15° in fifty actions.
     world = open_world(two_rooms, 0, get_robot("jetbot"))
-    config = closed_loop(replay_items.config("jetbot", "speed", 0, action_timing(*timing)))
+    walker = replay_items.walker(get_robot("jetbot"), "speed", 0, action_timing(*timing))
+    config = closed_loop(walker.config)
     rollout = evaluate_episode(world, episodes[1], config, LookAround(), None)
     assert rollout.end_reason is EndReason.STUCK
     assert 50 <= len(rollout.actions) <= 54

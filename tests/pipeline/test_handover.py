@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
+from vlnpe.pipeline.collect.together import sharing
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.stages.datasets.mcap_job import McapJob
 from vlnpe.pipeline.stages.rollouts import handover
 from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
 from vlnpe.pipeline.stages.rollouts.render_job import RenderJob
-from vlnpe.pipeline.stages.rollouts.together import sharing
 from vlnpe.rendering.camera.extras import Extras
 from vlnpe.rendering.camera.views import View
 
@@ -51,8 +52,9 @@ def test_depth_of_a_replaced_video_is_not_used(tmp_path):
 def test_a_render_job_leaves_its_depth_to_the_mcap_job_of_its_chain(tmp_path):
     path, keeper = tmp_path / "x", DepthKeeper()
     view = View("ego", CameraModel("ego", 8, 8, 90.0))
-    render = RenderJob(path, path, "x", "aliengo", view, 4, "h264", Extras(), path)
-    mcap = McapJob(path, path, path, "aliengo", "x", (), "video", path, "", path)
+    robot = get_robot("aliengo")
+    render = RenderJob(path, path, "x", robot, view, 4, "h264", Extras(), path)
+    mcap = McapJob(path, path, path, robot, "x", (), "video", path, "", path)
     items = [WorkItem("x", "x", (path,), job) for job in (render, mcap)]
     jobs: list[Any] = [sharing(item, keeper).job for item in items]
     first, second = pickle.loads(pickle.dumps(jobs))  # as on the way to a worker

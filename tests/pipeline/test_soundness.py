@@ -15,7 +15,7 @@ from vlnpe.formats.lerobot.layout import DEPTH_KEY
 from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
 from vlnpe.pipeline.commands import scenes
 from vlnpe.pipeline.commands.scenes import Repair, run_repair
-from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

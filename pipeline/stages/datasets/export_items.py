@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from ....collectors.robots import RobotSpec
 from ....formats.core.errors import check_name
 from ....formats.core.rollout import EndReason
 from ....formats.core.source import code_digest
@@ -17,10 +18,8 @@ from ....instruction_gen.review.decisions import DecisionFile
 from ...engine.ledger import Row
 from ...engine.runner import Context, StageSummary, run_stage
 from ...engine.work import WorkItem, digest, work_item
-from ...inputs.crews import kept
 from ..episodes.jobs import SampleJob
 from ..instructions.instruct_job import InstructJob
-from ..instructions.reviewed import REVIEW_NAME
 from ..instructions.visibility import LookJob
 from ..rollouts.render_job import RenderJob
 from ..rollouts.replay_items import item_names
@@ -29,6 +28,7 @@ from ..scenes.repair import RepairJob
 from ..scenes.scan import ScanJob
 from .export_job import DatasetJob, UnitJob
 from .mcap_job import McapJob
+from .reviewed import REVIEW_NAME
 
 STAGE = "export"
 MCAP_STAGE = "mcap"
@@ -109,6 +109,7 @@ def items(
     root: Path,
     scenes: Path,
     dataset: Dataset,
+    robot: RobotSpec,
     *,
     depth_storage: str = "video",
     per_instruction: bool = False,
@@ -120,13 +121,16 @@ def items(
         frames: rows of the render stage by item; their outputs are relative to `root`.
         root: folder of the render stage's ledger.
         dataset: where the files go.
+        robot: the robot of all of these.
         depth_storage: see `check_depth_storage`.
         per_instruction: make one unit of each instruction, with the same frames.
         mcap: write MCAP files; otherwise that stage has no items.
     """
     reviewed = review_digests(root)
     units = _unit_items(frames, root, dataset, depth_storage, reviewed, per_instruction)
-    files = _mcap_items(frames, root, scenes, dataset, depth_storage, reviewed) if mcap else []
+    files = (
+        _mcap_items(frames, root, scenes, dataset, robot, depth_storage, reviewed) if mcap else []
+    )
     return {STAGE: units, MCAP_STAGE: files}
 
 
@@ -189,6 +193,7 @@ def _mcap_items(
     root: Path,
     scenes: Path,
     dataset: Dataset,
+    robot: RobotSpec,
     depth_storage: str,
     reviewed: Callable[[str], str],
 ) -> list[WorkItem]:
@@ -199,7 +204,6 @@ def _mcap_items(
         out = dataset.mcap / f"{name.rsplit('/', 1)[1]}.mcap"
         scene, rollout = scenes / str(row.facts["scene"]), root / str(row.facts["rollout"])
         labels = (dataset.name, held_out, depth_storage)
-        robot = kept(name.split("/")[0], root)
         review = root / REVIEW_NAME
         job = McapJob(
             rollout, root / row.outputs[0], scene, robot, *labels, review, code_digest(*CODE), out

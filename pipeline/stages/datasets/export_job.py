@@ -13,7 +13,7 @@ from ....formats.scene.bundle import load_bundle
 from ....formats.vlnce.groups import per_instruction
 from ...engine.work import ItemResult
 from ...provenance import encoding_facts, episode_facts, provenance
-from ..instructions.reviewed import reviewed_rollout
+from .reviewed import reviewed_rollout
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import mujoco
 
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.convert.facts import DatasetFacts
 from ....formats.core.licences import licence_id
 from ....formats.mcap.episode import write_episode_mcap
@@ -18,8 +18,8 @@ from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....rendering.scene.link_shapes import robot_links
 from ...engine.work import ItemResult
 from ...provenance import encoding_facts, scene_provenance
-from ..instructions.reviewed import reviewed_rollout
 from ..rollouts.handover import DepthKeeper
+from .reviewed import reviewed_rollout
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class McapJob:
     rollout: Path
     frames: Path
     scene: Path
-    robot: str
+    robot: RobotSpec
     name: str
     held_out: tuple[str, ...]
     depth_storage: str
@@ -85,5 +85,5 @@ def _map(scene: Path, level: int, free_height_m: float) -> ShownTopic:
 
 
 @lru_cache(maxsize=4)
-def _body(robot: str) -> mujoco.MjModel:
-    return get_robot(robot).build_model(floor=False)
+def _body(robot: RobotSpec) -> mujoco.MjModel:
+    return robot.build_model(floor=False)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.mcap.rollout import read_rollout
 from ....rendering.camera.views import View
 from ....rendering.figures.pictures import save_picture
@@ -23,7 +23,7 @@ class PolicyFilmJob:
 
     scene: Path
     rollout: Path
-    robot: str
+    robot: RobotSpec
     view: View
     out: Path
 
@@ -31,8 +31,8 @@ class PolicyFilmJob:
         """Render the film."""
         _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
         self.out.parent.mkdir(parents=True, exist_ok=True)
-        rollout, robot = read_rollout(self.rollout), get_robot(self.robot)
+        rollout = read_rollout(self.rollout)
         with telling(self.out) as tell:
-            last = policy_film(self.out, renderer, rollout, self.view, robot, on_part=tell)
+            last = policy_film(self.out, renderer, rollout, self.view, self.robot, on_part=tell)
         save_picture(self.out.with_suffix(".jpg"), last)
         return ItemResult()

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ....collectors.replay.replay import ReplayConfig
 from ....evaluation.policy_registry import PolicyChoice
 from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
@@ -14,7 +13,9 @@ from ...engine.work import WorkItem, work_item
 from ..rollouts.replay_items import (
     STAGE as STAGE,  # its rollouts are rendered and exported like any others
 )
-from ..rollouts.replay_items import walk_names, walker
+from ..rollouts.replay_items import identity as walker_identity
+from ..rollouts.replay_items import walk_names
+from ..rollouts.replay_job import Walker
 from .job import EvaluateJob
 
 
@@ -24,7 +25,7 @@ def items(
     scenes_folder: Path,
     root: Path,
     *,
-    config: ReplayConfig,
+    walker: Walker,
     policy: PolicyChoice,
     identity: str,
     view: View,
@@ -37,9 +38,9 @@ def items(
         policy: as the user has chosen it.
         identity: what the policy is now; see `PolicyChoice.identity`.
     """
-    who, result = walker(config), []
+    who, result = walker_identity(walker), []
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
-    for episode, name in zip(episodes, walk_names(episodes, config), strict=True):
+    for episode, name in zip(episodes, walk_names(episodes, walker), strict=True):
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
         seen = replace(view, renderer=drawn_by[episode.scene_id])
@@ -47,7 +48,7 @@ def items(
         job = EvaluateJob(
             scene=scene,
             episode=episode,
-            config=config,
+            walker=walker,
             policy=policy,
             view=seen,
             actions=actions,

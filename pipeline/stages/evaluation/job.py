@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
-from ....collectors.replay.replay import ReplayConfig
 from ....evaluation.episode import evaluate_episode
 from ....evaluation.observation import Eye
 from ....evaluation.policy import Policy
@@ -14,7 +13,7 @@ from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
 from ...engine.work import ItemResult
 from ..rollouts.render_job import scene_renderer
-from ..rollouts.replay_job import open_level, store
+from ..rollouts.replay_job import Walker, open_level, store
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class EvaluateJob:
 
     scene: Path
     episode: Episode
-    config: ReplayConfig
+    walker: Walker
     policy: PolicyChoice
     view: View
     actions: str
@@ -42,17 +41,20 @@ class EvaluateJob:
             PolicyError: the policy failed, or what it answered is no action.
             DivergedError: physics exploded.
         """
-        world = open_level(self.scene, self.episode, self.config, self.models)
+        world, config = (
+            open_level(self.scene, self.episode, self.walker, self.models),
+            self.walker.config,
+        )
         policy: Policy | None = None
         eye: Eye | None = None
         if self.policy.name != ORACLE:
-            policy = _made(self.policy, self.config.seed)
+            policy = _made(self.policy, config.seed)
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
-        rollout = evaluate_episode(world, self.episode, self.config, policy, eye, kind=self.actions)
+        rollout = evaluate_episode(world, self.episode, config, policy, eye, kind=self.actions)
         rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy.name})
-        result = store(rollout, self.scene.name, self.config, self.out)
+        result = store(rollout, self.scene.name, config, self.out)
         more = {
             "policy": self.policy.name,
             "split": self.episode.split,

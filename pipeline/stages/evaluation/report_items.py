@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import atomic_file
 from ....rendering.camera.views import View
 from ....rendering.registry import scene_renderer_name
 from ...engine.ledger import Row
 from ...engine.runner import Context, run_stage
 from ...engine.work import WorkItem, work_item
-from ...inputs.crews import kept
 from ...report.policy_page import KINDS, kind_of, policy_page
 from .film_job import PolicyFilmJob
 
@@ -24,6 +24,7 @@ def write(
     rows: Sequence[Row],
     results: Mapping[str, Any],
     *,
+    robot: RobotSpec,
     view: View,
     scenes: Path,
     films: int,
@@ -34,9 +35,10 @@ def write(
         context: ledger of the evaluation's folder, and workers.
         rows: rows of its episodes.
         results: content of its results file.
+        robot: the robot of all of them.
         films: how many of each kind.
     """
-    items = film_items(rows, context.ledger.root, view, scenes, films)
+    items = film_items(rows, context.ledger.root, robot, view, scenes, films)
     made = run_stage(context, STAGE, list(items.values())).good()
     context.ledger.discard(STAGE, "")
     clips = {name: item.outputs[0] for name, item in items.items() if item.name in made}
@@ -48,14 +50,13 @@ def write(
 
 
 def film_items(
-    rows: Sequence[Row], root: Path, view: View, scenes: Path, films: int
+    rows: Sequence[Row], root: Path, robot: RobotSpec, view: View, scenes: Path, films: int
 ) -> dict[str, WorkItem]:
     """Return films by the row's item: the first `films` of every kind, scenes in turn."""
     result: dict[str, WorkItem] = {}
     for kind in KINDS:
         for row in _spread([row for row in rows if kind_of(row.facts) == kind])[:films]:
             out = root / "films" / f"{row.item.replace('/', '-')}.mp4"
-            robot = kept(str(row.facts["robot"]), root)
             scene, rollout = scenes / str(row.facts["scene"]), root / row.outputs[0]
             seen = replace(view, renderer=scene_renderer_name(scene, view.renderer))
             job = PolicyFilmJob(scene, rollout, robot, seen, out)

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from pydantic import BaseModel
 
-from ....collectors.robots import RobotSpec, get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.episode import Episode
 from ....formats.core.frames import quat_to_matrix
 from ....formats.scene.bundle import SceneBundle, load_bundle
@@ -35,7 +35,7 @@ class NameThingsJob:
 
     Attributes:
         episodes: Files; of each, the episodes in the scene are looked at.
-        robot: Name or folder of the robot whose camera looks.
+        robot: The robot whose camera looks.
         every: Also along paths that have an instruction already.
         cache: Folder of the model's answers.
         out: Record to write.
@@ -44,7 +44,7 @@ class NameThingsJob:
     scene: Path
     episodes: tuple[Path, ...]
     settings: LlmSettings
-    robot: str
+    robot: RobotSpec
     every: bool
     cache: Path
     out: Path
@@ -63,7 +63,7 @@ class NameThingsJob:
         if not (asked and (things or rooms)):
             write_named(self.out, None)
             return ItemResult({"labelled": not (things or rooms)})
-        views = views_along(bundle, asked, get_robot(self.robot))
+        views = views_along(bundle, asked, self.robot)
         named, seen, entered = Named(), Tally(), Tally()
         if things:
             objects, seen = name_things(self._client(Sights), views)

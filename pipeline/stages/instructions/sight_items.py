@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.llm.settings import LlmSettings
 from ...engine.ledger import Row
@@ -29,13 +29,13 @@ class Sight:
     Attributes:
         scenes: folder of repaired scenes.
         files: where the records go.
-        robot: name or folder of the robot whose camera looks.
+        robot: the robot whose camera looks.
         every: look also along paths that have an instruction already.
     """
 
     scenes: Path
     files: SightFiles
-    robot: str
+    robot: RobotSpec
     every: bool
 
     def look(self, source: Row, episodes: Path) -> WorkItem:
@@ -44,10 +44,10 @@ class Sight:
         Args:
             source: row of the stage that made `episodes`.
         """
-        spec, out = get_robot(self.robot), self.files.seen(source.item)
+        out = self.files.seen(source.item)
         scene = self.scenes / scene_of_part(source.item)
         job = LookJob(scene, episodes, out, self.robot, self.every)
-        inputs = (source.key, spec.name, spec.content_sha256, self.every)
+        inputs = (source.key, self.robot.name, self.robot.content_sha256, self.every)
         return work_item(STAGE, source.item, job, (out,), *inputs)
 
     def name(
@@ -59,7 +59,7 @@ class Sight:
             cache: folder of the model's answers.
             made_of: keys of the items that made the scene and the episodes.
         """
-        spec, out = get_robot(self.robot), self.files.named(scene)
+        out = self.files.named(scene)
         job = NameThingsJob(
             scene=self.scenes / scene,
             episodes=tuple(episodes),
@@ -70,7 +70,7 @@ class Sight:
             out=out,
         )
         prompts = prompts_sha256(SIGHT_PROMPTS)
-        inputs = (*made_of, model, spec.name, spec.content_sha256, self.every, prompts)
+        inputs = (*made_of, model, self.robot.name, self.robot.content_sha256, self.every, prompts)
         return work_item(NAME_STAGE, scene, job, (out,), *inputs)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ....collectors.robots import RobotSpec, get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.camera import CameraModel
 from ....formats.core.episode import Episode
 from ....formats.core.frames import quat_to_matrix, yaw_to_quat
@@ -43,28 +43,30 @@ class LookJob:
 
     Attributes:
         out: visibility record.
-        robot: name or folder of the robot whose camera looks.
+        robot: the robot whose camera looks.
         every: also along paths that have an instruction already.
     """
 
     scene: Path
     episodes: Path
     out: Path
-    robot: str
+    robot: RobotSpec
     every: bool
 
     def run(self) -> ItemResult:
         """Write what is seen along each path of an episode file."""
         started = time.process_time()
         asked = [e for e in read_episodes(self.episodes) if self.every or not e.instruction]
-        eye = StandingEye(get_robot(self.robot))
+        eye = StandingEye(self.robot)
         paths = images = 0
         with visibility_writer(self.out, eye.described()) as write:
             for trajectory_id, sight in look(load_bundle(self.scene), asked, eye):
                 write(trajectory_id, sight)
                 paths, images = paths + 1, images + len(sight.looks_m)
         used = round(time.process_time() - started, 2)
-        return ItemResult({"robot": self.robot, "paths": paths, "images": images, "cpu_s": used})
+        return ItemResult(
+            {"robot": self.robot.name, "paths": paths, "images": images, "cpu_s": used}
+        )
 
 
 def look(

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import write_json
 from ....formats.mcap.rollout import read_rollout
 from ....formats.rendered.folder import read_frame_folder
@@ -47,7 +47,7 @@ class StripJob:
 
     scene: Path
     rollout: Path
-    robot: str
+    robot: RobotSpec
     frames: Path
     out: Path
 
@@ -56,7 +56,7 @@ class StripJob:
         walked = read_rollout(self.rollout)
         seen = read_frame_folder(self.frames)
         _, renderer = scene_renderer(self.scene)
-        film_strip(self.out, renderer, walked, seen, get_robot(self.robot))
+        film_strip(self.out, renderer, walked, seen, self.robot)
         camera = seen.camera
         facts = {
             "robot": walked.robot,
@@ -80,7 +80,7 @@ class ClipJob:
 
     scene: Path
     rollout: Path
-    robot: str
+    robot: RobotSpec
     seconds: float
     out: Path
 
@@ -88,8 +88,7 @@ class ClipJob:
         """Render the clip."""
         _, renderer = scene_renderer(self.scene)
         walked = read_rollout(self.rollout)
-        robot = get_robot(self.robot)
-        last = third_person_clip(self.out, renderer, walked, self.seconds, robot=robot)
+        last = third_person_clip(self.out, renderer, walked, self.seconds, robot=self.robot)
         save_picture(self.out.with_suffix(".jpg"), last)
         return ItemResult()
 
@@ -100,7 +99,7 @@ class FilmJob:
 
     scene: Path
     rollout: Path
-    robot: str
+    robot: RobotSpec
     view: View
     frames_per_second: int
     out: Path
@@ -110,10 +109,9 @@ class FilmJob:
         _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
         recorded = read_rollout(self.rollout)
         self.out.parent.mkdir(parents=True, exist_ok=True)
-        robot = get_robot(self.robot)
         fps = self.frames_per_second
         with telling(self.out) as tell:
             count = watchable_video(
-                self.out, renderer, recorded, self.view, fps, robot=robot, on_part=tell
+                self.out, renderer, recorded, self.view, fps, robot=self.robot, on_part=tell
             )
         return ItemResult({"frames": count, "scene": self.scene.name})

@@ -5,12 +5,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from ....collectors.robots import RobotSpec
 from ....rendering.camera.extras import Extras
 from ....rendering.camera.views import View
 from ....rendering.registry import scene_renderer_name
 from ...engine.ledger import Row
 from ...engine.work import WorkItem, work_item
-from ...inputs.crews import kept
 from .pictures_job import FilmJob
 from .render_job import RenderJob
 
@@ -20,7 +20,7 @@ VIDEO_STAGE = "video"
 
 @dataclass(frozen=True)
 class Recorded:
-    """Rollouts and the scenes that they were recorded in.
+    """Rollouts of one robot, and the scenes that they were recorded in.
 
     Attributes:
         rows: Rows of the replay stage by item; their outputs are relative to `root`.
@@ -28,6 +28,7 @@ class Recorded:
         scenes: Rows of the repair stage by scene id.
     """
 
+    robot: RobotSpec
     rows: Mapping[str, Row]
     root: Path
     scenes: Mapping[str, Row]
@@ -42,7 +43,6 @@ class _Take:
     view: View
     scene: Path
     rollout: Path
-    robot: str
     made_of: tuple[str, str]
 
 
@@ -74,7 +74,7 @@ def items(
             take.scene,
             take.rollout,
             relative,
-            take.robot,
+            recorded.robot,
             view,
             frames_per_second,
             rgb_codec,
@@ -99,7 +99,7 @@ def video_items(
     for take in _takes(recorded, view):
         view = take.view
         out = videos / f"{take.name}.mp4"
-        job = FilmJob(take.scene, take.rollout, take.robot, view, frames_per_second, out)
+        job = FilmJob(take.scene, take.rollout, recorded.robot, view, frames_per_second, out)
         rate = {"frames_per_second": frames_per_second}
         result.append(work_item(VIDEO_STAGE, take.name, job, (out,), *take.made_of, view, **rate))
     return result
@@ -118,6 +118,5 @@ def _takes(recorded: Recorded, view: View) -> Iterator[_Take]:
             replace(view, renderer=drawn_by[root]),
             root,
             recorded.root / row.outputs[0],
-            kept(name.split("/")[0], recorded.root),
             (row.key, recorded.scenes[scene].key),
         )

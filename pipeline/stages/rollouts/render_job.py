@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import atomic_folder
 from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....formats.splats.store import has_splats
@@ -33,7 +33,7 @@ class RenderJob:
     scene: Path
     rollout: Path
     relative: str
-    robot: str
+    robot: RobotSpec
     view: View
     frames_per_second: int
     rgb_codec: str
@@ -54,7 +54,7 @@ class RenderJob:
                 temporary,
                 self.frames_per_second,
                 codec=self.rgb_codec,
-                robot=get_robot(self.robot),
+                robot=self.robot,
                 extras=self.extras,
                 on_depth=self.depth.add,
             )

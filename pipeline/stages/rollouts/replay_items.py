@@ -9,29 +9,29 @@ from typing import Any
 from ....collectors.controllers import SpeedConfig, get_controller
 from ....collectors.locomotion.runtime.policy import policy_files
 from ....collectors.replay.replay import ReplayConfig
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import file_digest
 from ....formats.core.episode import Episode
 from ...engine.ledger import Ledger, Row
 from ...engine.run_folder import file_names
 from ...engine.work import WorkItem, digest, work_item
-from .replay_job import ReplayJob, actions
+from .replay_job import ReplayJob, Walker, actions
 
 STAGE = "replay"
 STUCK_ACTIONS = 50
 
 
-def config(robot: str, controller: str, seed: int, timing: SpeedConfig) -> ReplayConfig:
-    """Return the settings of a replay; `timing` matters to the controller `speed` alone."""
-    plain = ReplayConfig(robot=robot, controller=controller, seed=seed)
+def walker(robot: RobotSpec, controller: str, seed: int, timing: SpeedConfig) -> Walker:
+    """Return how a robot replays episodes; `timing` matters to the controller `speed` alone."""
+    plain = ReplayConfig(robot=robot.name, controller=controller, seed=seed)
     if controller != "speed":
-        return plain
+        return Walker(robot, plain)
     # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
     if timing.end_on_displacement:
         outcome = replace(plain.outcome, stuck_actions=STUCK_ACTIONS)
     else:
         outcome = replace(plain.outcome, stuck_steps=STUCK_ACTIONS * timing.steps_per_action)
-    return replace(plain, speed=timing, outcome=outcome)
+    return Walker(robot, replace(plain, speed=timing, outcome=outcome))
 
 
 def items(
@@ -40,7 +40,7 @@ def items(
     scenes_folder: Path,
     rollouts: Path,
     models: Path,
-    config: ReplayConfig,
+    walker: Walker,
     label: str = "",
 ) -> list[WorkItem]:
     """Return one item per episode of one robot under one controller.
@@ -50,30 +50,30 @@ def items(
         models: folder where compiled models are kept.
         label: see `label_of`; by default the controller's name.
     """
-    who, result = walker(config), []
-    for episode, name in zip(episodes, walk_names(episodes, config, label), strict=True):
+    who, result = identity(walker), []
+    for episode, name in zip(episodes, walk_names(episodes, walker, label), strict=True):
         out = rollouts / f"{name}.mcap"
-        job = ReplayJob(scenes_folder / episode.scene_id, episode, config, models, out)
+        job = ReplayJob(scenes_folder / episode.scene_id, episode, walker, models, out)
         inputs = (episode, scenes[episode.scene_id].key, *who)
         result.append(work_item(STAGE, name, job, (out,), *inputs))
     return result
 
 
-def walker(config: ReplayConfig) -> tuple[ReplayConfig, str | None, list[str] | None]:
-    """Return what of a robot and its settings decides a rollout, for keys.
+def identity(walker: Walker) -> tuple[ReplayConfig, str, list[str] | None]:
+    """Return the parts of a robot and its settings that decide a rollout, for keys.
 
-    A user's own robot is known by what is in its folder, not by where that lies; each robot's
+    A user's own robot is identified by the content of its folder, not by its place; each robot's
     rollouts depend on its own gait alone.
     """
-    robot = get_robot(config.robot)
+    robot = walker.robot
     gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
-    return replace(config, robot=robot.name), robot.content_sha256, gait
+    return walker.config, robot.content_sha256, gait
 
 
-def gait_digest(config: ReplayConfig) -> str | None:
+def gait_digest(walker: Walker) -> str | None:
     """Return the digest of the gait that walks; None where none does."""
-    *_, gait = walker(config)
-    return digest(gait) if gait and not get_controller(config.controller).teleports else None
+    *_, gait = identity(walker)
+    return digest(gait) if gait and not get_controller(walker.config.controller).teleports else None
 
 
 def label_of(ledger: Ledger, config: ReplayConfig) -> str:
@@ -82,11 +82,11 @@ def label_of(ledger: Ledger, config: ReplayConfig) -> str:
     That is the controller's, unless an earlier run in the folder used it for another seed or other
     discrete actions: then what differs follows, so that neither replaces the other.
     """
-    robot, now = get_robot(config.robot).name, _setting(config.seed, actions(config))
+    now = _setting(config.seed, actions(config))
     taken: dict[str, dict[str, object]] = {}
     for row in ledger.all_rows(STAGE):
         owner, label, _ = row.item.split("/", 2)
-        if owner == robot and row.facts.get("controller") == config.controller:
+        if owner == config.robot and row.facts.get("controller") == config.controller:
             taken[label] = _setting(row.facts.get("seed", 0), row.facts.get("actions") or {})
     same = [label for label, setting in taken.items() if setting == now]
     if same or config.controller not in taken:
@@ -103,9 +103,9 @@ def _setting(seed: int, actions: Mapping[str, Any]) -> dict[str, object]:
     return {"seed": seed, "loop": loop, "steps": actions["steps"]}
 
 
-def walk_names(episodes: Sequence[Episode], config: ReplayConfig, label: str = "") -> list[str]:
+def walk_names(episodes: Sequence[Episode], walker: Walker, label: str = "") -> list[str]:
     """Return the name of each episode's item: robot, label, and `item_names`."""
-    folder = f"{get_robot(config.robot).name}/{label or config.controller}"
+    folder = f"{walker.robot.name}/{label or walker.config.controller}"
     return [f"{folder}/{name}" for name in item_names(episodes)]
 
 

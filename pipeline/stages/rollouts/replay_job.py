@@ -10,7 +10,7 @@ from ....collectors.locomotion.runtime.onnx_runtime import EXTRA
 from ....collectors.physics import LevelModelConfig
 from ....collectors.replay.replay import ReplayConfig, replay_in
 from ....collectors.replay.world import World, open_world
-from ....collectors.robots import get_robot
+from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import write_json
 from ....formats.core.episode import Episode
 from ....formats.core.errors import DivergedError
@@ -24,6 +24,14 @@ TOUCHING = ("contact", "collision_target", "collision_start")  # events with an 
 
 
 @dataclass(frozen=True)
+class Walker:
+    """A robot, and how it replays episodes."""
+
+    robot: RobotSpec
+    config: ReplayConfig
+
+
+@dataclass(frozen=True)
 class ReplayJob:
     """Let a robot walk one episode and record it.
 
@@ -33,14 +41,14 @@ class ReplayJob:
 
     scene: Path
     episode: Episode
-    config: ReplayConfig
+    walker: Walker
     models: Path
     out: Path
 
     @property
     def unused_libraries(self) -> frozenset[str]:
         """onnxruntime, which evaluates no gait of ours."""
-        own = get_robot(self.config.robot).folder is not None
+        own = self.walker.robot.folder is not None
         return frozenset() if own else frozenset({EXTRA})
 
     def run(self) -> ItemResult:
@@ -49,9 +57,9 @@ class ReplayJob:
         Raises:
             DivergedError: physics exploded; the last state lies beside where the rollout would be.
         """
-        world = open_level(self.scene, self.episode, self.config, self.models)
-        rollout = replay_in(world, self.episode, self.config)
-        return store(rollout, self.scene.name, self.config, self.out)
+        world = open_level(self.scene, self.episode, self.walker, self.models)
+        rollout = replay_in(world, self.episode, self.walker.config)
+        return store(rollout, self.scene.name, self.walker.config, self.out)
 
 
 def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> ItemResult:
@@ -111,12 +119,15 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
     }
 
 
-def open_level(scene: Path, episode: Episode, config: ReplayConfig, models: Path) -> World:
+def open_level(scene: Path, episode: Episode, walker: Walker, models: Path) -> World:
     """Return the opened level of an episode; `models` keeps compiled models."""
-    return _opened(scene, episode.level, config.robot, config.physics.for_episode(episode), models)
+    physics = walker.config.physics.for_episode(episode)
+    return _opened(scene, episode.level, walker.robot, physics, models)
 
 
 # Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
 @lru_cache(maxsize=4)
-def _opened(scene: Path, level: int, robot: str, physics: LevelModelConfig, models: Path) -> World:
-    return open_world(load_bundle(scene), level, get_robot(robot), None, physics, models)
+def _opened(
+    scene: Path, level: int, robot: RobotSpec, physics: LevelModelConfig, models: Path
+) -> World:
+    return open_world(load_bundle(scene), level, robot, None, physics, models)

@@ -16,6 +16,7 @@ import pytest
 from tests.support.episodes import episode_along
 from tests.support.misbehaving_server import Server, completion
 from tests.support.runs.work import InlineWorkers
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
@@ -23,7 +24,7 @@ from vlnpe.instruction_gen.llm.brief import prompt
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.review import opened
-from vlnpe.pipeline.engine.executors import base as executors
+from vlnpe.pipeline.engine.executors import execution as executors
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.options.instructions import Review
 from vlnpe.pipeline.provenance import episode_facts, provenance
@@ -93,7 +94,7 @@ def test_a_run_of_several_files_is_reviewed_by_what_the_camera_saw(
         told = folder.episodes(f"told/{share}")
         write_episodes(told, [replace(episode_along(EAST, name), instruction="Walk on.")])
         seen = folder.sights.seen(share)
-        LookJob(scenes / "two_rooms", told, seen, "jetbot", every=True).run()
+        LookJob(scenes / "two_rooms", told, seen, get_robot("jetbot"), every=True).run()
     review = opened(Review(tmp_path))
     assert review.names == ["a", "b"]
     for name in review.names:

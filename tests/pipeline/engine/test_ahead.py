@@ -9,7 +9,7 @@ from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.engine.ahead import run_ahead
 from vlnpe.pipeline.engine.executors.attempts import Link
-from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

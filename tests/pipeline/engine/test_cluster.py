@@ -13,7 +13,7 @@ import pytest
 from tests.support.runs import work
 from tests.support.runs.ray_nodes import kill_agents, two_nodes
 from vlnpe.formats.core.errors import InputError, UnknownNameError
-from vlnpe.pipeline.engine.executors.base import Execution, make_executor
+from vlnpe.pipeline.engine.executors.execution import Execution, make_executor
 from vlnpe.pipeline.engine.executors.slurm import parse_options
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage

@@ -11,10 +11,11 @@ import pytest
 
 from vlnpe.collectors.locomotion.runtime.onnx_runtime import EXTRA
 from vlnpe.collectors.replay.replay import ReplayConfig
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core import source
 from vlnpe.formats.core.episode import Episode
 from vlnpe.pipeline.engine.work import Job, work_item
-from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob
+from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob, Walker
 from vlnpe.pipeline.stages.scenes.repair import RepairJob
 from vlnpe.pipeline.stages.scenes.repair_splats import SplatRepairJob
 from vlnpe.scene_repair.config import RepairConfig
@@ -24,6 +25,7 @@ pytestmark = pytest.mark.chain
 EPISODE = Episode(
     "0", "0", "s", "train", 0, np.zeros(3), 0.0, np.zeros(3), np.zeros((2, 3)), 0.0, "Stop."
 )
+H1 = Walker(get_robot("h1"), ReplayConfig("h1"))
 ROOT = Path(__file__).resolve().parents[3]
 JOBS = {
     "scan": "stages.scenes.scan",
@@ -46,6 +48,7 @@ DIGESTS = """
 import json, sys
 from functools import cache
 from pathlib import Path
+from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core import source
 
 jobs, edits = json.load(sys.stdin)
@@ -136,7 +139,7 @@ EDITS = {
         {"scan as splats"},
     ),
     "the stage runner": (
-        "pipeline/engine/executors/base.py",
+        "pipeline/engine/executors/processes.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
         set(),
@@ -235,8 +238,8 @@ def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree
         (RepairJob(Path("a.glb"), Path("out"), RepairConfig()), "trimesh", True),
         (SplatRepairJob(Path("a.splat"), Path("out"), RepairConfig()), "msgpack", False),
         (SplatRepairJob(Path("a.usdz"), Path("out"), RepairConfig()), "msgpack", True),
-        (ReplayJob(Path("s"), EPISODE, ReplayConfig("h1"), Path("m"), Path("o")), EXTRA, False),
-        (ReplayJob(Path("s"), EPISODE, ReplayConfig("h1"), Path("m"), Path("o")), "mujoco", True),
+        (ReplayJob(Path("s"), EPISODE, H1, Path("m"), Path("o")), EXTRA, False),
+        (ReplayJob(Path("s"), EPISODE, H1, Path("m"), Path("o")), "mujoco", True),
     ],
 )
 def test_installing_a_library_repeats_only_work_that_may_use_it(

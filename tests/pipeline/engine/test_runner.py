@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, VlnpeError
 from vlnpe.pipeline.engine.executors.attempts import WorkerDiedError, run_items
-from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
 from vlnpe.pipeline.engine.run_folder import file_names, safe_name
 from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
@@ -296,7 +296,7 @@ def test_a_piped_run_prints_few_lines_per_stage(tmp_path: Path) -> None:
 from pathlib import Path
 from tests.support.runs import work
 from vlnpe.formats.core import progress
-from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem

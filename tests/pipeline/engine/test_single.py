@@ -8,8 +8,8 @@ import pytest
 from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine.context import LEDGERS, open_single, run_single
-from vlnpe.pipeline.engine.executors import base as executors
+from vlnpe.pipeline.context import LEDGERS, open_single, run_single
+from vlnpe.pipeline.engine.executors import execution as executors
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
 
 

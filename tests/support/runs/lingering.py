@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 
 from tests.support.runs import work
-from vlnpe.pipeline.engine.context import open_context
+from vlnpe.pipeline.context import open_context
 from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.signals import Interrupted, interruptible
 from vlnpe.pipeline.engine.work import WorkItem

@@ -11,7 +11,7 @@ from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
-from vlnpe.pipeline.engine.executors.base import Workers
+from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.executors.parts import telling
 from vlnpe.pipeline.engine.work import ItemResult
 

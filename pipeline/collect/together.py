@@ -4,19 +4,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, cast
 
-from ....formats.core.episode import Episode
-from ....formats.vlnce.groups import per_instruction
-from ...engine.ahead import foreseen, run_ahead
-from ...engine.executors.attempts import Link
-from ...engine.ledger import Row
-from ...engine.runner import Context
-from ...engine.work import WorkItem
-from ..datasets.export_job import UnitJob
-from ..datasets.mcap_job import McapJob
-from . import render_items as render
-from . import replay_items as replay
-from .handover import DepthKeeper
-from .render_job import RenderJob
+from ...formats.core.episode import Episode
+from ...formats.vlnce.groups import per_instruction
+from ..engine.ahead import foreseen, run_ahead
+from ..engine.executors.attempts import Link
+from ..engine.ledger import Row
+from ..engine.runner import Context
+from ..engine.work import WorkItem
+from ..stages.datasets.export_job import UnitJob
+from ..stages.datasets.mcap_job import McapJob
+from ..stages.rollouts import render_items as render
+from ..stages.rollouts import replay_items as replay
+from ..stages.rollouts.handover import DepthKeeper
+from ..stages.rollouts.render_job import RenderJob
 
 
 def run(

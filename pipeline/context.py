@@ -10,21 +10,21 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from ...formats.core.atomic import sweep_beside, write_bytes
-from ...formats.core.errors import InputError, VlnpeError
-from ..options.command_line import command_line
-from ..options.running import Running
-from ..store.address import store_url
-from ..store.mirror import mirrored
-from .executors.base import Execution, make_executor
-from .files import records_of
-from .ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
-from .lock import LOCK_NAME, lock, sweep_unlocked
-from .record import FOLDER as QUARANTINE_FOLDER
-from .run_folder import open_run_folder
-from .runner import Context, run_stage
-from .signals import ended_first
-from .work import WorkItem
+from ..formats.core.atomic import sweep_beside, write_bytes
+from ..formats.core.errors import InputError, VlnpeError
+from .engine.executors.execution import Execution, make_executor
+from .engine.files import records_of
+from .engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
+from .engine.lock import LOCK_NAME, lock, sweep_unlocked
+from .engine.record import FOLDER as QUARANTINE_FOLDER
+from .engine.run_folder import open_run_folder
+from .engine.runner import Context, run_stage
+from .engine.signals import ended_first
+from .engine.work import WorkItem
+from .options.command_line import command_line
+from .options.running import Running
+from .store.address import store_url
+from .store.mirror import mirrored
 
 LEDGERS = ".vlnpe"  # folder of the ledgers of single outputs, beside them
 OUTPUT_NAME = "output.json"
