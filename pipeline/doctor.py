@@ -49,6 +49,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("train", ["torch", "lerobot", "rsl_rl"]),
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
+        _extra("llm", ["openai"]),
         _extra("cluster", ["ray", "submitit"]),
         _extra("onnxruntime", ["onnx", "onnxruntime"]),
         _extra("s3", ["s3fs"]),

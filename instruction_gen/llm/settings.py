@@ -3,10 +3,11 @@
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, MissingExtraError
 
 BASE_URL, API_KEY, MODEL = "VLNPE_LLM_BASE_URL", "VLNPE_LLM_API_KEY", "VLNPE_LLM_MODEL"
 GGUF = "VLNPE_GGUF"
@@ -66,6 +67,7 @@ def settings_from(
 
     Raises:
         InputError: something is missing or cannot be used; the message names the variable.
+        MissingExtraError: the library that asks servers is not installed.
     """
     if max_tokens < 0 or max_cost < 0:
         raise InputError(
@@ -76,6 +78,8 @@ def settings_from(
         if not path or not Path(path).is_file():
             raise InputError(f"--writer local needs {GGUF}=<a GGUF file on disk>; it is {path!r}")
         return LlmSettings(model=path, workers=1, max_tokens=max_tokens)
+    if find_spec("openai") is None:
+        raise MissingExtraError(asked_by, "llm")
     missing = [name for name in (BASE_URL, MODEL) if not environment.get(name)]
     if missing:
         raise InputError(f"{asked_by} needs {' and '.join(missing)} in the environment")

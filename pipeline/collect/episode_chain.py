@@ -149,7 +149,10 @@ def _instructed(
     if wording.vision is None:
         _forget_named(run, map(align.scene_of_part, seen))
     else:
-        made = _named(run, wording.vision, looking, {s: rows[s] for s in seen}, parts)
+        model = sight.Model(wording.vision, folder.root / CACHE)
+        sources = {s: rows[s] for s in seen}
+        made = sight.named_scenes(run.stage, looking, model, sources, parts).good()
+        sys.stderr.writelines(sight.naming_report(made.values()))
         seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in made}
         named = {s: row for s in seen if sight.was_asked(row := made[align.scene_of_part(s)])}
     instructed = {s: folder.episodes(f"told/{s}") for s in seen}
@@ -182,27 +185,6 @@ def _instructed(
     ledger.record(files.values())
     ledger.record_new(folder.root / CACHE)
     return paths
-
-
-def _named(
-    run: Run,
-    model: LlmSettings,
-    looking: sight.Sight,
-    rows: Mapping[str, Row],
-    parts: Mapping[str, Path],
-) -> dict[str, Row]:
-    """Have a model name things and rooms along all paths of each scene; return rows by scene."""
-    cache = run.folder.root / CACHE
-    by_scene: dict[str, list[str]] = {}
-    for s in rows:
-        by_scene.setdefault(align.scene_of_part(s), []).append(s)
-    items = [
-        looking.name(scene, [parts[s] for s in here], model, cache, *(rows[s].key for s in here))
-        for scene, here in by_scene.items()
-    ]
-    named = run.stage(sight.NAME_STAGE, items, required=True).good()
-    sys.stderr.writelines(sight.naming_report(named.values()))
-    return named
 
 
 def _forget_named(run: Run, scenes: Iterable[str]) -> None:

@@ -2,7 +2,10 @@
 
 import sys
 from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.episode import Episode
@@ -14,7 +17,7 @@ from ...instruction_gen.show import show_path
 from ..context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.run_folder import SightFiles
-from ..engine.runner import run_stage
+from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest
 from ..inputs.crews import chosen_robot
 from ..inputs.episode_file import episode_files, scenes_of
@@ -31,75 +34,73 @@ NO_ROBOT = "none"  # no camera looks along the paths
 EPISODES, FACTS = "episodes.json.gz", "facts.json.gz"
 
 
+@dataclass(frozen=True)
+class _Task:
+    """The episodes to instruct, by the scene that they lie in."""
+
+    episodes: Sequence[Episode]
+    by_scene: Mapping[str, Sequence[Episode]]
+    scenes: Path
+    keys: Mapping[str, str]
+
+    def rows(self) -> dict[str, Row]:
+        """Return a row for each scene's episodes, as if a stage had made them."""
+        return {
+            scene: Row("episodes", scene, digest(self.keys[scene], episodes), "done")
+            for scene, episodes in self.by_scene.items()
+        }
+
+
+@dataclass(frozen=True)
+class _Observed:
+    """What cameras and models saw along the paths.
+
+    Attributes:
+        rows: Rows of the stages `look` and `name`.
+        named: Those of scenes in which a model named things, by scene.
+    """
+
+    rows: Sequence[Row]
+    seen: tuple[Path, ...]
+    named: Mapping[str, Row]
+
+    def lost(self, task: _Task) -> dict[str, str]:
+        """Return why the episodes of scenes that could not be looked at have no text, by id."""
+        return {
+            episode.episode_id: row.error["reason"]
+            for row in self.rows
+            if row.status == "quarantined"
+            for episode in task.by_scene[row.item]
+        }
+
+
 def run(options: Instruct) -> int:
     """Instruct one file's episodes; return 1 if too many have no true text.
 
     Raises:
         InputError: If an option is invalid, or a file or folder cannot be used.
     """
-    config = instruct_config(options)
-    source, *more = episode_files(options.episodes)
-    if more:
-        names = ", ".join(map(str, (source, *more)))
-        raise InputError(f"{options.episodes}: has several episode files; valid: one of {names}")
-    scenes = scenes_of(options.episodes, options.scenes)
-    asked = read_episodes(source)
-    rows = repair.rows_of(scenes)
-    by_scene: dict[str, list[Episode]] = {}
-    for episode in asked:
-        by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
-    repair.demand(by_scene, rows, scenes)
-    out, scenes = options.out.resolve(), scenes.resolve()
-    vision = vision_settings(options)
+    config, vision = instruct_config(options), vision_settings(options)
+    task = _task(options)
     robot = chosen_robot(Instruct.robot if options.robot == NO_ROBOT else options.robot)
+    out = options.out.resolve()
+    cache = (options.cache or out.parent / CACHE).resolve()
     with open_single(out, options.workers) as context:
-        root = context.ledger.root
-        files = SightFiles(root)
-        looking = sight.Sight(scenes, files, robot, config.replace)
-        for scene, episodes in by_scene.items():
-            write_episodes(_part(root, scene), episodes)
-        keys = [digest(asked), *(rows[scene].key for scene in sorted(by_scene))]
-        cache = (options.cache or out.parent / CACHE).resolve()
-        made_before: list[Row] = []
-        seen: tuple[Path, ...] = ()
-        if options.robot != NO_ROBOT and by_scene:
-            items = [
-                looking.look(
-                    Row("episodes", scene, digest(rows[scene].key, episodes), "done"),
-                    _part(root, scene),
-                )
-                for scene, episodes in by_scene.items()
-            ]
-            looked = run_stage(context, sight.STAGE, items, required=True)
-            made_before += looked.rows
-            seen = tuple(files.seen(scene) for scene in looked.good())
-        naming: Mapping[str, Row] = {}
-        if vision is not None and by_scene:
-            items = [
-                looking.name(
-                    scene, [_part(root, scene)], vision, cache, rows[scene].key, digest(episodes)
-                )
-                for scene, episodes in by_scene.items()
-            ]
-            summary = run_stage(context, sight.NAME_STAGE, items, required=True)
-            made_before += summary.rows
-            naming = summary.good()
-        keys += [row.key for row in made_before if row.status == "done"]
-        lost = {
-            episode.episode_id: row.error["reason"]
-            for row in made_before
-            if row.status == "quarantined"
-            for episode in by_scene[row.item]
-        }
-        write_episodes(root / EPISODES, [e for e in asked if e.episode_id not in lost])
-        named = tuple(files.named(scene) for scene in naming)
-        _forget(files, {*seen, *named})
+        files = SightFiles(context.ledger.root)
+        looking = sight.Sight(task.scenes, files, robot, config.replace)
+        model = sight.Model(vision, cache) if vision else None
+        observed = _observed(context, looking, task, options.robot != NO_ROBOT, model)
+        lost = observed.lost(task)
+        left = [e for e in task.episodes if e.episode_id not in lost]
+        write_episodes(context.ledger.root / EPISODES, left)
+        named = tuple(files.named(scene) for scene in observed.named)
+        _forget(files, {*observed.seen, *named})
         job = InstructJob(
-            scenes=scenes,
-            episodes=root / EPISODES,
-            seen=seen,
+            scenes=task.scenes,
+            episodes=context.ledger.root / EPISODES,
+            seen=observed.seen,
             out=out,
-            facts=root / FACTS,
+            facts=context.ledger.root / FACTS,
             cache=cache,
             config=config,
             seed=options.seed,
@@ -107,37 +108,83 @@ def run(options: Instruct) -> int:
             named=named,
             vision_model=vision.model if vision else "",
         )
-        keys.append(str(options.per_instruction))
-        made = run_output(context, out, instruct.STAGE, instruct.item(out.name, job, *keys)).facts
-    spent = {"vision_model": sight.model_usage(naming.values())} if naming else {}
-    failed = lost | made["quarantined"]
+        keys = [digest(task.episodes), *(task.keys[scene] for scene in sorted(task.by_scene))]
+        keys += [row.key for row in observed.rows if row.status == "done"]
+        item = instruct.item(out.name, job, *keys, str(options.per_instruction))
+        facts = run_output(context, out, instruct.STAGE, item).facts
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
+    facts["quarantined"] = lost | facts["quarantined"]
+    if observed.named:
+        facts["vision_model"] = sight.model_usage(observed.named.values())
+    _print(options, task, job, facts, observed.named)
+    return int(len(facts["quarantined"]) > options.max_failed)
+
+
+def _task(options: Instruct) -> _Task:
+    source, *more = episode_files(options.episodes)
+    if more:
+        names = ", ".join(map(str, (source, *more)))
+        raise InputError(f"{options.episodes}: has several episode files; valid: one of {names}")
+    scenes = scenes_of(options.episodes, options.scenes)
+    episodes = read_episodes(source)
+    rows = repair.rows_of(scenes)
+    by_scene: dict[str, list[Episode]] = {}
+    for episode in episodes:
+        by_scene.setdefault(scene_stem(episode.scene_id), []).append(episode)
+    repair.demand(by_scene, rows, scenes)
+    keys = {scene: rows[scene].key for scene in by_scene}
+    return _Task(episodes, by_scene, scenes.resolve(), keys)
+
+
+def _observed(
+    context: Context, looking: sight.Sight, task: _Task, look: bool, model: sight.Model | None
+) -> _Observed:
+    """Run the stages `look` and `name`, each if it is asked for."""
+    rows = task.rows()
+    parts = {scene: context.ledger.root / f"{scene}.json.gz" for scene in rows}
+    for scene, episodes in task.by_scene.items():
+        write_episodes(parts[scene], episodes)
+    stage = partial(run_stage, context)
+    looked = named = StageSummary(sight.STAGE)
+    if look and rows:
+        items = [looking.look(row, parts[scene]) for scene, row in rows.items()]
+        looked = stage(sight.STAGE, items, required=True)
+    if model and rows:
+        named = sight.named_scenes(stage, looking, model, rows, parts)
+    seen = tuple(looking.files.seen(scene) for scene in looked.good())
+    return _Observed([*looked.rows, *named.rows], seen, named.good())
+
+
+def _print(
+    options: Instruct,
+    task: _Task,
+    job: InstructJob,
+    facts: dict[str, Any],
+    named: Mapping[str, Row],
+) -> None:
+    replace = job.config.replace
     if not options.json:
         if options.show > 0:
-            new = {e.trajectory_id for e in asked if config.replace or not e.instruction}
-            told = sorted(read_episodes(out), key=lambda e: e.trajectory_id not in new)
-            _show(told[: options.show], job)
-        sys.stdout.writelines(f"no true text for {k}: {v}\n" for k, v in failed.items())
-        sys.stdout.writelines(sight.naming_report(naming.values()))
-        for label, count in made["unnamed_labels"].items():
+            new = {e.trajectory_id for e in task.episodes if replace or not e.instruction}
+            shown = sorted(read_episodes(job.out), key=lambda e: e.trajectory_id not in new)
+            _show(shown[: options.show], job)
+        for name, reason in facts["quarantined"].items():
+            sys.stdout.write(f"no true text for {name}: {reason}\n")
+        sys.stdout.writelines(sight.naming_report(named.values()))
+        for label, count in facts["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
-    text = f"{options.out}: {made['episodes']} episodes, {made['texts']} texts"
-    kept = 0 if config.replace else sum(bool(episode.instruction) for episode in asked)
+    text = f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts"
+    kept = 0 if replace else sum(bool(episode.instruction) for episode in task.episodes)
     if kept:
         text += f"; {kept} episodes had texts and keep them, --replace writes new ones"
-    print_result(options, made | spent | {"quarantined": failed}, text)
-    return int(len(failed) > options.max_failed)
+    print_result(options, facts, text)
 
 
 def _forget(files: SightFiles, used: Set[Path]) -> None:
     """Delete what earlier runs saw and named: `vlnpe review` judges texts by what is there."""
     for path in {*files.all_seen(), *files.all_named()} - used:
         path.unlink(missing_ok=True)
-
-
-def _part(root: Path, scene: str) -> Path:
-    return root / f"{scene}.json.gz"
 
 
 def _show(episodes: Sequence[Episode], job: InstructJob) -> None:

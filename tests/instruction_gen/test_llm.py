@@ -18,7 +18,7 @@ import pytest
 
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of, facts_of
 from tests.support.misbehaving_server import CUT, HANG, Server, completion, texts
-from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.errors import InputError, MissingExtraError
 from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.instruct import instruct_episodes
@@ -462,6 +462,12 @@ def test_the_key_appears_nowhere(two_rooms, tmp_path, caplog, capsys):
         assert path.is_dir() or KEY not in path.read_text()
     out = capsys.readouterr()
     assert KEY not in caplog.text + out.out + out.err
+
+
+def test_without_its_library_a_model_asks_for_the_extra(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("vlnpe.instruction_gen.llm.settings.find_spec", lambda _: None)
+    with pytest.raises(MissingExtraError, match=r"--vision needs the extra `llm`; .*EXTRA=llm"):
+        settings_from({}, asked_by="--vision")
 
 
 def test_settings_come_from_the_environment_alone():

@@ -49,6 +49,11 @@ class InstructJob:
     named: tuple[Path, ...] = ()
     vision_model: str = ""
 
+    @property
+    def unused_libraries(self) -> frozenset[str]:
+        """The library that asks language models, unless one writes."""
+        return frozenset() if self.config.llm else frozenset({"openai"})
+
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
         started = time.process_time()

@@ -3,7 +3,7 @@
 The robot's own camera sees it; in scenes without labels a vision-language model says what it is.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from ....collectors.robots import RobotSpec
 from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.llm.settings import LlmSettings
 from ...engine.ledger import Row
+from ...engine.rows import StageSummary
 from ...engine.run_folder import SightFiles
 from ...engine.work import WorkItem, work_item
 from ..episodes.align_items import scene_of_part
@@ -72,6 +73,39 @@ class Sight:
         prompts = prompts_sha256(SIGHT_PROMPTS)
         inputs = (*made_of, model, self.robot.name, self.robot.content_sha256, self.every, prompts)
         return work_item(NAME_STAGE, scene, job, (out,), *inputs)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A vision-language model that names things and rooms, and the folder of its answers."""
+
+    settings: LlmSettings
+    cache: Path
+
+
+def named_scenes(
+    stage: Callable[..., StageSummary],
+    sight: Sight,
+    model: Model,
+    rows: Mapping[str, Row],
+    parts: Mapping[str, Path],
+) -> StageSummary:
+    """Have a model name things and rooms along all paths of each scene; one item per scene.
+
+    Args:
+        stage: Runs a stage; the arguments are those of `Run.stage`.
+        rows: Rows of the stage that made the episode files, by item.
+        parts: Episode files by item.
+    """
+    by_scene: dict[str, list[str]] = {}
+    for part in rows:
+        by_scene.setdefault(scene_of_part(part), []).append(part)
+    items = []
+    for scene, here in by_scene.items():
+        keys = (rows[part].key for part in here)
+        files = [parts[part] for part in here]
+        items.append(sight.name(scene, files, model.settings, model.cache, *keys))
+    return stage(NAME_STAGE, items, required=True)
 
 
 def was_asked(row: Row) -> bool:
