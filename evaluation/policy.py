@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 from ..formats.core.episode import Episode
 from ..formats.core.errors import VlnpeError
+from ..instruction_gen.llm.settings import CACHE_NAME
 from .observation import Observation
 
 
@@ -50,7 +51,7 @@ class ModelUse:
         max_cost: that may be spent in all, see `LlmSettings`; 0 = any.
     """
 
-    cache: Path = Path("llm_cache")
+    cache: Path = Path(CACHE_NAME)
     max_tokens: int = 0
     max_cost: float = 0.0
 

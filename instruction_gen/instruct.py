@@ -22,6 +22,7 @@ from .facts import LevelFacts, path_facts
 from .facts.named import Named
 from .facts.records import PathFacts
 from .llm.brief import prompts_sha256
+from .llm.settings import CACHE_NAME
 from .records import COMPOSER, LOCAL, InstructConfig, WrittenText
 
 logger = logging.getLogger(__name__)
@@ -100,7 +101,7 @@ def instruct_episodes(
     seed: int,
     visibility: Visibility | None = None,
     writer: Writer | None = None,
-    cache: Path = Path("llm_cache"),
+    cache: Path = Path(CACHE_NAME),
     *,
     named: Mapping[str, Named] | None = None,
     keep: Callable[[PathFacts], None] | None = None,

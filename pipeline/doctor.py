@@ -70,12 +70,12 @@ def remedy(findings: Sequence[Finding]) -> str:
 
 def _requirements(extras: Sequence[str]) -> list[str]:
     """Return what the extras need: without a checkout there is no lock that could be synced."""
-    wanted = []
+    needed = []
     for line in requires("vlnpe") or []:
         requirement, _, marker = line.partition(";")
         if any(f'extra == "{extra}"' in marker for extra in extras):
-            wanted.append(requirement.strip())
-    return wanted
+            needed.append(requirement.strip())
+    return needed
 
 
 def _guarded(subject: str, look: Callable[[], str]) -> Finding:

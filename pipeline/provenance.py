@@ -63,19 +63,19 @@ def provenance(
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
     recorded = (*WRITING, *(key for key in SEEING if any(key in one for one in written)))
-    made = {
+    creation = {
         key: _distinct(rollout[key] for rollout in rollouts)
         for key in (*MAKING, "controller_sha256")
     }
     options = dict(facts.get("options") or {})
     return {
         **versions(code_sha256),
-        "config_sha256": digest(options, made, dict(encoding)),
+        "config_sha256": digest(options, creation, dict(encoding)),
         "scenes": {bundle.scene_id: bundle.source for bundle in bundles},
         "held_out_scenes": sorted(held_out_scenes(scenes)),
-        "seeds": {"run": options.get("seed"), "replay": made.pop("seed")},
-        "policy_sha256": made.pop("policy_sha256"),
-        "replay": made,
+        "seeds": {"run": options.get("seed"), "replay": creation.pop("seed")},
+        "policy_sha256": creation.pop("policy_sha256"),
+        "replay": creation,
         "instructions": {key: _counted(one.get(key) for one in written) for key in recorded},
         "encoding": dict(encoding),
         **facts,

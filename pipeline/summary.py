@@ -47,7 +47,7 @@ def show_summary(
     quarantined = sum(s.quarantined for s in summaries)
     ledger = Ledger(folder.root)
     rows, absent = robot_rows(ledger), left_out(ledger)
-    again = [_walked_too(one, options, folder.root) for one in absent]
+    again = [_walked_too(crew, options, folder.root) for crew in absent]
     code = int(quarantined > options.max_failed)
     if options.json:
         value = {
@@ -56,8 +56,8 @@ def show_summary(
             "stages": {s.stage: s.counts() for s in joined(summaries)},
             "robots": [vars(r) for r in rows],
             "left_out": [
-                {**vars(one), "command": command}
-                for one, command in zip(absent, again, strict=True)
+                {**vars(crew), "command": command}
+                for crew, command in zip(absent, again, strict=True)
             ],
             "quarantined": quarantined,
             "exit_code": code,
@@ -70,10 +70,10 @@ def show_summary(
             "\n".join([*textwrap.wrap(shared_paths_note(ledger), 78), legend(rows)]) + "\n"
         )
     sys.stdout.write("\n")
-    for one, command in zip(absent, again, strict=True):
+    for crew, command in zip(absent, again, strict=True):
         sys.stdout.write(
-            f"Left out: {one.robot} {one.controller}, {one.paths} paths. It walked other paths, or "
-            "another version\nmade it; its data stays in the folder. To have it walk these "
+            f"Left out: {crew.robot} {crew.controller}, {crew.paths} paths. It walked other paths, "
+            "or another version\nmade it; its data stays in the folder. To have it walk these "
             f"paths, too:\n  {command}\n\n"
         )
     sys.stdout.write(looking_commands(ledger, page) + "\n")
@@ -86,15 +86,15 @@ def show_summary(
     return code
 
 
-def _walked_too(one: LeftOut, options: Collect, root: Path) -> str:
+def _walked_too(crew: LeftOut, options: Collect, root: Path) -> str:
     """Return the command by which a robot that was left out walks this run's paths."""
     timing = (
-        {"action_steps": one.actions["steps"], "closed_loop": one.actions["closed_loop"]}
-        if one.actions
+        {"action_steps": crew.actions["steps"], "closed_loop": crew.actions["closed_loop"]}
+        if crew.actions
         else {}
     )
-    robot = robot_of_run(one.robot, root)
-    who = {"robot": str(robot.folder or robot.name), "controller": one.controller}
+    robot = robot_of_run(crew.robot, root)
+    who = {"robot": str(robot.folder or robot.name), "controller": crew.controller}
     return command_line(replace(options, **who, **timing))
 
 
@@ -102,8 +102,8 @@ def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
     """Return one summary per stage, over all robots, in the order they ran."""
     stages: dict[str, StageSummary] = {}
     for summary in summaries:
-        known = stages.get(summary.stage)
-        stages[summary.stage] = known.joined(summary) if known else summary
+        earlier = stages.get(summary.stage)
+        stages[summary.stage] = earlier.joined(summary) if earlier else summary
     return list(stages.values())
 
 

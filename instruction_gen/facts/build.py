@@ -1,7 +1,6 @@
 """Build the facts of a path from its geometry, the scene's labels and what the camera saw."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from itertools import pairwise
 
 import numpy as np
@@ -17,7 +16,6 @@ from .geometry import Track, track_of
 from .landmarks import landmarks_of
 from .level import LevelFacts
 from .records import (
-    LookFact,
     PassageFact,
     PathFacts,
     SegmentFact,
@@ -67,7 +65,7 @@ def path_facts(
         start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
         goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
         goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
-        camera=LookFact(**asdict(visibility.camera)) if visibility and sight else None,
+        camera=visibility.camera if visibility and sight else None,
     )
 
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass, field
 
+from ...formats.scene.visibility import SightCamera
+
 FACTS_VERSION = 4
 
 
@@ -148,19 +150,6 @@ class LandmarkFact:
 
 
 @dataclass(frozen=True)
-class LookFact:
-    """The camera that looked, see `formats.scene.visibility.SightCamera`."""
-
-    robot: str
-    width_px: int
-    height_px: int
-    hfov_deg: float
-    height_m: float
-    pitch_down_deg: float
-    spacing_m: float
-
-
-@dataclass(frozen=True)
 class PathFacts:
     """The facts of one path.
 
@@ -195,7 +184,7 @@ class PathFacts:
     start_rooms: tuple[str, ...] = ()
     goal_rooms: tuple[str, ...] = ()
     goal_near_rooms: tuple[str, ...] = ()
-    camera: LookFact | None = None
+    camera: SightCamera | None = None
     facts_version: int = FACTS_VERSION
 
     @property

@@ -11,6 +11,7 @@ from ...formats.core.errors import InputError, MissingExtraError
 
 BASE_URL, API_KEY, MODEL = "VLNPE_LLM_BASE_URL", "VLNPE_LLM_API_KEY", "VLNPE_LLM_MODEL"
 GGUF = "VLNPE_GGUF"
+CACHE_NAME = "llm_cache"  # folder of a model's answers, which were paid for
 TIMEOUT_S = "VLNPE_LLM_TIMEOUT_S"
 PRICE_IN, PRICE_OUT = "VLNPE_LLM_PRICE_IN", "VLNPE_LLM_PRICE_OUT"
 

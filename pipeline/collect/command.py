@@ -56,9 +56,9 @@ def run(options: Collect) -> int:
         options.depth,
         options.mcap,
     )
-    looks = (options.camera, options.light, options.renderer)
-    wishes = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
-    views = {r.name: chosen_views(*looks, r, wishes) for r in robots}
+    drawing = (options.camera, options.light, options.renderer)
+    overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
+    views = {r.name: chosen_views(*drawing, r, overrides) for r in robots}
     check_frame_rate(options.frames_per_second)
     check_rgb_codec(options.rgb_codec)
     check_depth_storage(options.depth)
@@ -94,17 +94,17 @@ def run(options: Collect) -> int:
             goal_beyond_start=options.goal_beyond_start,
         )
         if episode_files:
-            asked = episodes.aligned(current, wording, episode_files, scenes, rules, fitting)
+            paths = episodes.aligned(current, wording, episode_files, scenes, rules, fitting)
         else:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
-            asked = episodes.sampled(current, wording, sampling, scenes, quotas, exact=exact)
+            paths = episodes.sampled(current, wording, sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
             return _print_episodes(options, folder, current.summaries)
-        select_current(current, asked, scenes, pairs)
+        select_current(current, paths, scenes, pairs)
         for robot, controller in pairs:
             collect(
                 current,
-                asked,
+                paths,
                 scenes,
                 (robot, controller),
                 views[robot.name],
@@ -190,14 +190,14 @@ def _sources(
             raise no_scene(options.scene, SUFFIXES)
         repair.check_scan(source)
         return {safe_name(source.stem): source}
-    found = find_scans(options.scenes)
+    scans = find_scans(options.scenes)
     if episode_files:
         named = {e.scene_stem for file in episode_files for e in read_vlnce(file).episodes}
-        found = {name: path for name, path in found.items() if name in named}
-    if not found:
+        scans = {name: path for name, path in scans.items() if name in named}
+    if not scans:
         what = "none of the episodes' scans" if episode_files else "no scan"
         raise InputError(f"--scenes {options.scenes}: contains {what}; valid: {' '.join(SUFFIXES)}")
-    return found
+    return scans
 
 
 def _episodes(text: str) -> tuple[list[Path], str, int]:

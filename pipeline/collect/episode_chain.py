@@ -8,7 +8,7 @@ from pathlib import Path
 from ...collectors.robots import RobotSpec
 from ...formats.core.episode import Episode
 from ...formats.vlnce.records import split_name
-from ...instruction_gen.llm.settings import LlmSettings
+from ...instruction_gen.llm.settings import CACHE_NAME, LlmSettings
 from ...instruction_gen.records import InstructConfig
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.align_config import AlignConfig
@@ -21,7 +21,7 @@ from ..stages.episodes import align_items as align
 from ..stages.episodes import sample_items as episodes
 from ..stages.instructions import instruct_items as instruct
 from ..stages.instructions import sight_items as sight
-from ..stages.instructions.instruct_job import CACHE, InstructJob
+from ..stages.instructions.instruct_job import InstructJob
 from ..stages.scenes import items as repair
 from .run import Run
 
@@ -88,10 +88,10 @@ def sampled(
     parts = {s: folder.episodes(f"sampled/{s}") for s in planned}
 
     def item(scene: str, radius_m: float) -> WorkItem:
-        wanted = replace(config, robot_radius_m=radius_m)
+        wider = replace(config, robot_radius_m=radius_m)
         quota = (quotas or {}).get(scene)
         folders = (folder.scenes, parts[scene])
-        return episodes.sample_item(planned[scene], *folders, wanted, run.seed, quota)
+        return episodes.sample_item(planned[scene], *folders, wider, run.seed, quota)
 
     items = episodes.items(run.context.ledger, planned, config.robot_radius_m, item)
     run.unselect(align.FILTER_STAGE, align.STAGE)
@@ -120,12 +120,12 @@ def aligned(
         config: tolerances, and the footprint of the widest robot.
     """
     folder, ledger = run.folder, run.context.ledger
-    kept = {s: folder.episodes(f"filtered/{s.name.split('.')[0]}") for s in sources}
+    filtered_files = {s: folder.episodes(f"filtered/{s.name.split('.')[0]}") for s in sources}
     run.unselect(episodes.STAGE)
-    items = [align.filter_item(s, kept[s], rules, scenes, folder.scenes) for s in sources]
+    items = [align.filter_item(s, filtered_files[s], rules, scenes, folder.scenes) for s in sources]
     filtered = run.stage(align.FILTER_STAGE, items, required=True)
     good = filtered.good()
-    files = {kept[s]: good[s.name].key for s in sources if s.name in good}
+    files = {filtered_files[s]: good[s.name].key for s in sources if s.name in good}
     parts: dict[str, Path] = {}
     for file in files:
         for scene in scenes:
@@ -149,13 +149,13 @@ def _instructed(
     if wording.vision is None:
         _forget_named(run, map(align.scene_of_part, seen))
     else:
-        model = sight.Model(wording.vision, folder.root / CACHE)
+        model = sight.Model(wording.vision, folder.root / CACHE_NAME)
         sources = {s: rows[s] for s in seen}
         made = sight.named_scenes(run.stage, looking, model, sources, parts).good()
         sys.stderr.writelines(sight.naming_report(made.values()))
         seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in made}
         named = {s: row for s in seen if sight.was_asked(row := made[align.scene_of_part(s)])}
-    instructed = {s: folder.episodes(f"told/{s}") for s in seen}
+    instructed = {s: folder.episodes(f"instructed/{s}") for s in seen}
     items = [
         instruct.item(
             s,
@@ -165,7 +165,7 @@ def _instructed(
                 seen=(folder.sights.seen(s),),
                 out=instructed[s],
                 facts=folder.facts(s),
-                cache=folder.root / CACHE,
+                cache=folder.root / CACHE_NAME,
                 config=config,
                 seed=run.seed,
                 named=(folder.sights.named(align.scene_of_part(s)),) if s in named else (),
@@ -183,7 +183,7 @@ def _instructed(
         [instructed[s] for s in done.good()], folder.episodes, run.per_instruction
     )
     ledger.record(files.values())
-    ledger.record_new(folder.root / CACHE)
+    ledger.record_new(folder.root / CACHE_NAME)
     return paths
 
 

@@ -50,7 +50,7 @@ class Product:
 
 def select_current(
     run: Run,
-    asked: Sequence[Episode],
+    episodes: Sequence[Episode],
     scenes: Mapping[str, Row],
     pairs: Sequence[Crew],
 ) -> None:
@@ -68,7 +68,7 @@ def select_current(
         try:
             walker = _recorded_walker(run, robot, rows)
             if walker.config.seed != run.seed or _agree(
-                ledger, rows, asked, _walks(run, asked, scenes, walker, label)
+                ledger, rows, episodes, _walks(run, episodes, scenes, walker, label)
             ):
                 continue
         except InputError:  # a robot that is known no more
@@ -80,7 +80,7 @@ def select_current(
 
 def collect(
     run: Run,
-    asked: Sequence[Episode],
+    episodes: Sequence[Episode],
     scenes: Mapping[str, Row],
     crew: Crew,
     views: Sequence[View],
@@ -99,7 +99,7 @@ def collect(
     folder, robot = run.folder, crew[0]
     walker = _walker(run, crew)
     label = replay.label_of(run.context.ledger, walker.config)
-    walks = _walks(run, asked, scenes, walker, label)
+    walks = _walks(run, episodes, scenes, walker, label)
     rollouts: dict[str, Row] | None = None
     for view in views:
         dataset = export.Dataset.under(folder.root, robot.name, label, view.name)
@@ -117,7 +117,7 @@ def collect(
         )
         together.run(
             run.context,
-            asked,
+            episodes,
             walks,
             renders,
             exports,
@@ -180,29 +180,29 @@ def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
 
 def _walks(
     run: Run,
-    asked: Sequence[Episode],
+    episodes: Sequence[Episode],
     scenes: Mapping[str, Row],
     walker: Walker,
     label: str,
 ) -> list[WorkItem]:
     folder = run.folder
     where = (folder.scenes, folder.rollouts, folder.models)
-    return replay.items(asked, scenes, *where, walker, label)
+    return replay.items(episodes, scenes, *where, walker, label)
 
 
 def _agree(
-    ledger: Ledger, rows: Sequence[Row], asked: Sequence[Episode], items: Sequence[WorkItem]
+    ledger: Ledger, rows: Sequence[Row], episodes: Sequence[Episode], items: Sequence[WorkItem]
 ) -> bool:
     """Return whether rows are walks of `items`, or of further paths walked in the same way."""
     named = {item.name: item for item in items}
-    ways = [
+    settings = [
         _without_episode({name: part.digest for name, part in parts_of(i.inputs, i.job).items()})
-        for i in {e.scene_id: i for e, i in zip(asked, items, strict=True)}.values()
+        for i in {e.scene_id: i for e, i in zip(episodes, items, strict=True)}.values()
     ]
     return any(row.item in named for row in rows) and all(
         _is_current(ledger, named[row.item])
         if row.item in named
-        else _without_episode(row.parts) in ways
+        else _without_episode(row.parts) in settings
         for row in rows
     )
 

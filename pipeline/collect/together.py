@@ -21,7 +21,7 @@ from ..stages.rollouts.render_job import RenderJob
 
 def run(
     context: Context,
-    asked: Sequence[Episode],
+    episodes: Sequence[Episode],
     walks: Sequence[WorkItem],
     renders: Callable[[Mapping[str, Row]], list[WorkItem]],
     exports: Callable[[Mapping[str, Row]], Mapping[str, list[WorkItem]]],
@@ -40,18 +40,20 @@ def run(
     """
     chains: dict[str, list[Link]] = {}
     rollouts: dict[str, Row] = {}
-    known: list[dict[str, Any]] = []
-    for episode, item in zip(asked, walks, strict=True):
+    episode_facts: list[dict[str, Any]] = []
+    for episode, item in zip(episodes, walks, strict=True):
         row = foreseen(context, replay.STAGE, item, lambda e=episode: {"scene": e.scene_id})
         if row is None:
             continue
         rollouts[item.name] = row
         chains[row.outputs[0]] = [Link(replay.STAGE, item, needed=True)]
         texts = len(per_instruction(episode))
-        known.append({"split": episode.split, "texts": texts, "scene": episode.scene_id})
+        episode_facts.append({"split": episode.split, "texts": texts, "scene": episode.scene_id})
     frames: dict[str, Row] = {}
     depths = {path: DepthKeeper() for path in chains}
-    for (path, chain), facts, item in zip(chains.items(), known, renders(rollouts), strict=True):
+    for (path, chain), facts, item in zip(
+        chains.items(), episode_facts, renders(rollouts), strict=True
+    ):
         row = foreseen(context, render.STAGE, item, lambda f=facts, p=path: {**f, "rollout": p})
         if row is not None:
             chain.append(Link(render.STAGE, sharing(item, depths[path]), needed=True))

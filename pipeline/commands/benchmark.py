@@ -55,32 +55,32 @@ def run(options: Benchmark) -> int:
         InputError: A name is unknown, or the episodes cannot be found or made.
     """
     cells = _cells(options)
-    known = SETS.get(str(options.episodes))
-    folder = options.out or Path("runs") / options.episodes if known else options.episodes
-    if known:
-        _prepare(known, folder, options)
-    splits = _splits(options, known, folder)
-    asked = folder / FOLDER / "asked"
-    for left in asked.glob("*.json.gz"):  # splits that an earlier call asked for
+    published = SETS.get(str(options.episodes))
+    folder = options.out or Path("runs") / options.episodes if published else options.episodes
+    if published:
+        _prepare(published, folder, options)
+    splits = _splits(options, published, folder)
+    chosen = folder / FOLDER / "asked"
+    for left in chosen.glob("*.json.gz"):  # splits that an earlier call asked for
         left.unlink()
-    kept: dict[str, list[Episode]] = {}
+    evaluated: dict[str, list[Episode]] = {}
     for split, episodes in splits.items():
-        kept[split] = list(spread(episodes, options.limit or len(episodes)))
-        write_episodes(asked / f"{split}.json.gz", kept[split])
+        evaluated[split] = list(spread(episodes, options.limit or len(episodes)))
+        write_episodes(chosen / f"{split}.json.gz", evaluated[split])
     code, results = 0, {}
     value: dict[str, Any] = {}
     for cell in cells:
-        code |= _evaluate(cell, options, folder, asked)
+        code |= _evaluate(cell, options, folder, chosen)
         results[cell] = read_results(folder / FOLDER / cell.name)
-        value = _value(options, known, kept, splits, results)
+        value = _value(options, published, evaluated, splits, results)
         # After each cell, so that an interrupted run keeps what it measured.
         write_json(folder / FOLDER / RESULT_NAME, value)
         with atomic_file(folder / FOLDER / PAGE_NAME) as temporary:
             temporary.write_text(_page(value))
     if (folder / MANIFEST_NAME).is_file():
         with open_context(folder, options) as context:
-            made = (asked, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
-            context.ledger.record(made)
+            outputs = (chosen, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
+            context.ledger.record(outputs)
     if options.json:
         sys.stdout.write(json.dumps(value) + "\n")
     else:
@@ -104,16 +104,16 @@ def _cells(options: Benchmark) -> list[Cell]:
     ]
 
 
-def _prepare(known: BenchmarkSet, folder: Path, options: Benchmark) -> None:
+def _prepare(published: BenchmarkSet, folder: Path, options: Benchmark) -> None:
     """Make scenes and episodes, unless they are there."""
     settings = Collect(
-        scene=known.scene,
-        splits=",".join(f"{split}={count}" for split, count in known.splits.items()),
-        train_scenes=str(known.train_scenes),
-        robot_radius_m=known.robot_radius_m,
+        scene=published.scene,
+        splits=",".join(f"{split}={count}" for split, count in published.splits.items()),
+        train_scenes=str(published.train_scenes),
+        robot_radius_m=published.robot_radius_m,
         robot="h1",
         count=1,
-        seed=known.seed,
+        seed=published.seed,
         only_episodes=True,
         out=folder,
         json=True,
@@ -124,7 +124,7 @@ def _prepare(known: BenchmarkSet, folder: Path, options: Benchmark) -> None:
 
 
 def _splits(
-    options: Benchmark, known: BenchmarkSet | None, folder: Path
+    options: Benchmark, published: BenchmarkSet | None, folder: Path
 ) -> dict[str, list[Episode]]:
     files = sorted((folder / "episodes").glob("*.json.gz"))
     if not files:
@@ -136,15 +136,17 @@ def _splits(
     for file in files:
         for episode in read_episodes(file):
             found.setdefault(episode.split, []).append(episode)
-    wanted = _names(options.split) if options.split else known.test_splits if known else found
-    for split in wanted:
+    split_names = (
+        _names(options.split) if options.split else published.test_splits if published else found
+    )
+    for split in split_names:
         check_name("split", split, found)
-    return {split: found[split] for split in wanted}
+    return {split: found[split] for split in split_names}
 
 
-def _evaluate(cell: Cell, options: Benchmark, folder: Path, asked: Path) -> int:
+def _evaluate(cell: Cell, options: Benchmark, folder: Path, chosen: Path) -> int:
     settings = Evaluate(
-        episodes=asked,
+        episodes=chosen,
         scenes=folder / "scenes",
         policy=cell.policy,
         robot=cell.robot,
@@ -161,27 +163,27 @@ def _evaluate(cell: Cell, options: Benchmark, folder: Path, asked: Path) -> int:
 
 def _value(
     options: Benchmark,
-    known: BenchmarkSet | None,
-    kept: dict[str, list[Episode]],
+    published: BenchmarkSet | None,
+    evaluated: dict[str, list[Episode]],
     splits: dict[str, list[Episode]],
     results: dict[Cell, dict[str, Any]],
 ) -> dict[str, Any]:
     """Return the result file's content."""
     digests = {split: episodes_digest(episodes) for split, episodes in splits.items()}
     paths = {split: paths_digest(episodes) for split, episodes in splits.items()}
-    published = dict(known.paths_sha256) if known else {}
+    expected = dict(published.paths_sha256) if published else {}
     return {
         "format": "vlnpe-benchmark/1",
-        "benchmark": str(options.episodes) if known else options.episodes.name,
+        "benchmark": str(options.episodes) if published else options.episodes.name,
         **versions(code_digest(EvaluateJob.__module__)),
         "machine": f"{platform.system()} {platform.machine()}, Python {platform.python_version()}",
         "seed": options.seed,
         "episodes_sha256": digests,
         "paths_sha256": paths,
         "as_published": {
-            split: paths[split] == published[split] for split in paths if split in published
+            split: paths[split] == expected[split] for split in paths if split in expected
         },
-        "episodes": {split: len(episodes) for split, episodes in kept.items()},
+        "episodes": {split: len(episodes) for split, episodes in evaluated.items()},
         "of": {split: len(episodes) for split, episodes in splits.items()},
         "cells": [
             {

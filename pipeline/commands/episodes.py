@@ -64,8 +64,8 @@ def run_align(options: Align) -> int:
         _raise_if_nothing(summary)
         none = StageSummary(align.FILTER_STAGE)
         align.record_rejected(context.ledger, none, summary, files, scenes)
-        made = [parts[name] for name in summary.good() if name in parts]
-        paths, written = episodes.merge(made, _file_of(out, len(files) > 1))
+        part_files = [parts[name] for name in summary.good() if name in parts]
+        paths, written = episodes.merge(part_files, _file_of(out, len(files) > 1))
     if not paths and len(files) == 1:
         write_episodes(out, [])
     bad = [[name, why] for f in files for _, name, why in _bad(f)]
@@ -184,8 +184,8 @@ def run_sample(options: Sample) -> int:
         summary = run_stage(context, episodes.STAGE, items, required=True)
         if plan:
             episodes.check_complete(summary.rows, plan.quotas, exact=plan.exact)
-        made = [parts[name] for name in summary.good()]
-        paths, written = episodes.merge(made, _file_of(out, plan is not None))
+        part_files = [parts[name] for name in summary.good()]
+        paths, written = episodes.merge(part_files, _file_of(out, plan is not None))
     pictures = _pictures(options.pictures, folders, paths)
     by_split = {s: sum(p.split == s for p in paths) for s in written}
     dropped: dict[str, int] = {}
@@ -193,7 +193,7 @@ def run_sample(options: Sample) -> int:
         for reason, count in row.facts["dropped"].items():
             dropped[reason] = dropped.get(reason, 0) + count
     per_split = ", ".join(f"{count} {split}" for split, count in by_split.items())
-    text = f"{out}: {len(paths)} paths in {len(made)} scene{'s' * (len(made) > 1)}"
+    text = f"{out}: {len(paths)} paths in {len(part_files)} scene{'s' * (len(part_files) > 1)}"
     text += f" ({per_split})" if plan else ""
     if dropped:
         text += "; dropped candidates: "

@@ -34,6 +34,7 @@ from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
+from ...instruction_gen.llm.settings import CACHE_NAME
 from ...learning.card import Card, read_card
 from ...rendering.camera.views import CameraOverrides, View
 from ..context import open_context
@@ -54,7 +55,6 @@ from ..stages.scenes import items as repair
 
 log = logging.getLogger(__name__)
 
-CACHE = "llm_cache"  # name of the folder of a model's answers, which were paid for
 FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's timing
 
 
@@ -108,7 +108,7 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
     out = options.out or _default_out(options, policy, robot.name, view)
-    use = ModelUse(out.resolve() / CACHE, options.max_tokens, options.max_cost)
+    use = ModelUse(out.resolve() / CACHE_NAME, options.max_tokens, options.max_cost)
     policy = replace(policy, use=use)
     identity = policy.identity()
     actions = action_timing(options.action_steps, options.closed_loop)
@@ -158,7 +158,7 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
         context.ledger.record([root / RESULTS_NAME])
         context.ledger.record_new(root / "models")
         if policy.name in MODEL_POLICIES:
-            context.ledger.record_new(root / CACHE)
+            context.ledger.record_new(root / CACHE_NAME)
         folder = scenes_folder.resolve()
         if options.mcap:
             _write_mcap(context, walker.robot, summary.good(), scenes, folder, view)
@@ -234,26 +234,26 @@ def run_compare(options: Compare) -> int:
         InputError: If a file is no results file, or they have no episode in common.
     """
     names = (str(options.first), str(options.second))
-    found = compare(read_results(options.first), read_results(options.second), names)
+    comparison = compare(read_results(options.first), read_results(options.second), names)
     if options.json:
-        differences = {name: interval_json(v) for name, v in found.differences.items()}
-        value = {**asdict(found), "differences": differences}
+        differences = {name: interval_json(v) for name, v in comparison.differences.items()}
+        value = {**asdict(comparison), "differences": differences}
         sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
         return 0
-    lines = [f"warning: {text}" for text in found.warnings]
+    lines = [f"warning: {text}" for text in comparison.warnings]
     lines += [
-        f"{found.common} episodes in both, {found.apart} in one only",
-        f"only {names[0]} succeeds: {len(found.lost)}  {', '.join(found.lost[:10])}",
-        f"only {names[1]} succeeds: {len(found.won)}  {', '.join(found.won[:10])}",
-        f"McNemar's exact test: p = {found.p_value:.3g}",
+        f"{comparison.common} episodes in both, {comparison.apart} in one only",
+        f"only {names[0]} succeeds: {len(comparison.lost)}  {', '.join(comparison.lost[:10])}",
+        f"only {names[1]} succeeds: {len(comparison.won)}  {', '.join(comparison.won[:10])}",
+        f"McNemar's exact test: p = {comparison.p_value:.3g}",
         "",
     ]
-    few = all(isnan(change.low) for change in found.differences.values())
+    few = all(isnan(change.low) for change in comparison.differences.values())
     interval = (
         f"mean (no interval of fewer than {LEAST_PATHS} paths)" if few else "mean and 95 % interval"
     )
     lines.append(f"second minus first, {interval} of the paired difference; % are points")
-    for name, change in found.differences.items():
+    for name, change in comparison.differences.items():
         d = decimals(name)
         bounds = "" if isnan(change.low) else f" ({change.low:+.{d}f} to {change.high:+.{d}f})"
         lines.append(f"  {name:<5} {change.mean:+8.{d}f} {COLUMNS[name][0]:<2}{bounds}".rstrip())

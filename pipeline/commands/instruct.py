@@ -13,6 +13,7 @@ from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
 from ...instruction_gen.facts import path_facts
 from ...instruction_gen.instruct import Levels
+from ...instruction_gen.llm.settings import CACHE_NAME
 from ...instruction_gen.show import show_path
 from ..context import open_single, run_output
 from ..engine.ledger import Row
@@ -25,7 +26,7 @@ from ..inputs.wording import instruct_config, vision_settings
 from ..options.instructions import Instruct
 from ..stages.instructions import instruct_items as instruct
 from ..stages.instructions import sight_items as sight
-from ..stages.instructions.instruct_job import CACHE, InstructJob, read_sights
+from ..stages.instructions.instruct_job import InstructJob, read_sights
 from ..stages.scenes import items as repair
 from ..summary import print_result
 
@@ -84,7 +85,7 @@ def run(options: Instruct) -> int:
     task = _task(options)
     robot = chosen_robot(Instruct.robot if options.robot == NO_ROBOT else options.robot)
     out = options.out.resolve()
-    cache = (options.cache or out.parent / CACHE).resolve()
+    cache = (options.cache or out.parent / CACHE_NAME).resolve()
     with open_single(out, options.workers) as context:
         files = SightFiles(context.ledger.root)
         looking = sight.Sight(task.scenes, files, robot, config.replace)

@@ -36,7 +36,7 @@ def run_verify(options: Verify) -> int:
     open_ends = [c for c in checks if c.problem and c.unfinished]
     if options.json:
         kinds = {"problems": bad, "unfinished": open_ends}
-        found = {kind: [asdict(c) for c in some] for kind, some in kinds.items()}
+        found = {kind: [asdict(c) for c in checked] for kind, checked in kinds.items()}
         sys.stdout.write(json.dumps({"checked": len(checks), **found, "remedy": advice}) + "\n")
     else:
         lines = [f"BAD  {check.what}: {check.problem}" for check in bad]

@@ -45,7 +45,7 @@ def opened(options: ReviewOptions) -> Review:
     """
     source = options.run
     if source.is_dir():
-        files = sorted((source / "episodes" / "told").glob("*.json.gz"))
+        files = sorted((source / "episodes" / "instructed").glob("*.json.gz"))
         scenes, folder = options.scenes or source / "scenes", source
         records = RunFolder(source).sights
     else:

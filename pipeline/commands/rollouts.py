@@ -34,9 +34,9 @@ def run_replay(options: Replay) -> int:
     pairs = crews(chosen_robots(options.robot), options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, None)
-    asked = group_by_path(episodes)
+    paths = group_by_path(episodes)
     scenes = repair.rows_of(scenes_folder)
-    repair.demand({e.scene_id for e in asked}, scenes, scenes_folder)
+    repair.demand({e.scene_id for e in paths}, scenes, scenes_folder)
     summaries = []
     with open_context(options.out, options) as context:
         root = context.ledger.root
@@ -44,7 +44,7 @@ def run_replay(options: Replay) -> int:
             walker = replay.walker(*crew, options.seed, actions)
             label = replay.label_of(context.ledger, walker.config)
             items = replay.items(
-                asked, scenes, scenes_folder.resolve(), root, root / "models", walker, label
+                paths, scenes, scenes_folder.resolve(), root, root / "models", walker, label
             )
             summaries.append(run_stage(context, replay.STAGE, items, f"{crew[0].name}/{label}/"))
         context.ledger.record_new(root / "models")
@@ -73,7 +73,7 @@ def run_render(options: Render) -> int:
     for row in walks:
         robot, controller, _ = row.item.split("/", 2)
         groups.setdefault((robot, controller), {})[row.item] = row
-    wishes = CameraOverrides(
+    overrides = CameraOverrides(
         width_px=options.width_px,
         height_px=options.height_px,
         hfov_deg=options.hfov_deg,
@@ -82,7 +82,7 @@ def run_render(options: Render) -> int:
     )
     robots = {robot: robot_of_run(robot, source.root) for robot, _ in groups}
     views = {
-        name: chosen_views(options.camera, options.light, options.renderer, robot, wishes)
+        name: chosen_views(options.camera, options.light, options.renderer, robot, overrides)
         for name, robot in robots.items()
     }
     if not groups:

@@ -94,15 +94,15 @@ def _values(value: Any) -> dict[str, str]:
     """Return the values of a configuration, or a short value under an empty name."""
     if is_dataclass(value) and not isinstance(value, type):
         found: dict[str, str] = {}
-        for one in fields(value):
-            inner = getattr(value, one.name)
+        for entry in fields(value):
+            inner = getattr(value, entry.name)
             if is_dataclass(inner):
-                found |= {f"{one.name}.{k}" if k else one.name: v
+                found |= {f"{entry.name}.{k}" if k else entry.name: v
                           for k, v in _values(inner).items()}  # fmt: skip
             elif isinstance(inner, dict):
-                found |= {f"{one.name}.{k}": _short(v) for k, v in inner.items()}
+                found |= {f"{entry.name}.{k}": _short(v) for k, v in inner.items()}
             else:
-                found |= {one.name: _short(inner)}
+                found |= {entry.name: _short(inner)}
         return found
     return {} if _is_digest(value) or len(_short(value)) == SHORT + 1 else {"": _short(value)}
 

@@ -96,9 +96,9 @@ def renew(
     def work() -> None:
         while not ended.wait(every_s):
             with contextlib.suppress(OSError, InputError):  # disk full, network down: for a while
-                found = read()
-                if found is not None and found.token != holder.token:
-                    log.error("%s took over %s; this run stops", found, place)
+                current = read()
+                if current is not None and current.token != holder.token:
+                    log.error("%s took over %s; this run stops", current, place)
                     os.kill(os.getpid(), signal.SIGTERM)
                     return
                 if not ended.is_set():

@@ -153,7 +153,7 @@ class Ledger:
 
     def describe(self, values: Mapping[str, dict[str, str]]) -> None:
         """Keep the values of what items are made of, by digest."""
-        new = {name: one for name, one in values.items() if one and name not in self._values}
+        new = {name: entry for name, entry in values.items() if entry and name not in self._values}
         if new:
             self._values.update(new)
             self._append([{"parts": new}])
@@ -251,9 +251,9 @@ class Ledger:
             if without and any(path_in_run(output, name) in without for name in records)
         }
         rows = [row for row in self.all_rows() if left_out.isdisjoint(row.outputs)]
-        files = {output: one for output, one in self._files.items() if output not in left_out}
+        files = {output: entry for output, entry in self._files.items() if output not in left_out}
         used = {digest for row in rows for digest in row.parts.values()}
-        values = {digest: one for digest, one in self._values.items() if digest in used}
+        values = {digest: entry for digest, entry in self._values.items() if digest in used}
         content = {"files": files, "parts": values, "rows": [asdict(r) for r in rows]}
         commands = {"unfinished": self.unfinished, "finished": self.finished}
         return signed(json_text({**content, **{k: v for k, v in commands.items() if v}}))

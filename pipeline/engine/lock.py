@@ -132,8 +132,8 @@ class _Held(contextlib.ExitStack):
 
     def _release(self) -> None:
         self._ended.set()
-        found = Holder.read(self._path)
-        if found is not None and found.token == self._holder.token:
+        current = Holder.read(self._path)
+        if current is not None and current.token == self._holder.token:
             with contextlib.suppress(OSError):
                 self._path.unlink()
         os.close(self._descriptor)
@@ -179,8 +179,8 @@ def _take(path: Path, descriptor: int) -> _Held | None:
     temporary.write_bytes(holder.line())
     temporary.replace(path)
     time.sleep(SETTLE_S)  # of several that take over at once, the last one has it
-    found = Holder.read(path)
-    return _Held(path, holder, descriptor) if found == holder else None
+    current = Holder.read(path)
+    return _Held(path, holder, descriptor) if current == holder else None
 
 
 def _is_dead(holder: Holder, path: Path, supported: bool) -> bool:

@@ -142,9 +142,9 @@ def keep(robot: RobotSpec, root: Path) -> RobotSpec:
 
 def keep_crews(pairs: Iterable[Crew], ledger: Ledger) -> list[Crew]:
     """Return crews whose robots are those of a run's folder, with records of their files."""
-    kept = [(keep(robot, ledger.root), controller) for robot, controller in pairs]
-    ledger.record({robot.folder for robot, _ in kept if robot.folder is not None})
-    return kept
+    local = [(keep(robot, ledger.root), controller) for robot, controller in pairs]
+    ledger.record({robot.folder for robot, _ in local if robot.folder is not None})
+    return local
 
 
 def robot_of_run(name: str, root: Path) -> RobotSpec:

@@ -21,12 +21,12 @@ def find_scans(folder: Path) -> dict[str, Path]:
     """
     if not folder.is_dir():
         raise InputError(f"--scenes {folder}: no such folder")
-    found: dict[str, Path] = {}
+    result: dict[str, Path] = {}
     for path in _scans(folder, top=True, above=()):
-        if path.stem in found:
+        if path.stem in result:
             raise InputError(f"--scenes {folder}: two scans are named {path.stem}")
-        found[path.stem] = path
-    return dict(zip(file_names(list(found)), found.values(), strict=True))
+        result[path.stem] = path
+    return dict(zip(file_names(list(result)), result.values(), strict=True))
 
 
 def _scans(folder: Path, *, top: bool, above: tuple[Path, ...]) -> list[Path]:
@@ -61,10 +61,10 @@ def scenes_in(folder: Path) -> dict[str, Path]:
     if (folder / INDEX_NAME).is_file():
         return {folder.name: folder}
     indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
-    found = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
-    if not found:
+    result = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
+    if not result:
         raise InputError(f"{folder}: contains no repaired scene; run `{program()} repair` first")
-    return found
+    return result
 
 
 def refuse_to_replace(folder: Path, own: frozenset[str]) -> None:

@@ -24,7 +24,7 @@ def chosen_lights(text: str) -> list[str]:
 
 
 def chosen_views(
-    camera: str, light: str, renderer: str, robot: RobotSpec, wishes: CameraOverrides
+    camera: str, light: str, renderer: str, robot: RobotSpec, overrides: CameraOverrides
 ) -> list[View]:
     """Return every camera in `camera` under every light in `light`.
 
@@ -37,7 +37,7 @@ def chosen_views(
     return [
         view
         for name in chosen_lights(light)
-        for view in parse_views(camera, robot, wishes, light=name, renderer=drawn_by)
+        for view in parse_views(camera, robot, overrides, light=name, renderer=drawn_by)
     ]
 
 

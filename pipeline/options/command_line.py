@@ -32,19 +32,19 @@ def command_line(options: Any) -> str:
             case letters.
     """
     words = [program(), type(options).__name__.lower()]
-    for one in fields(options):
-        value = getattr(options, one.name)
-        default = None if one.default is MISSING else one.default
-        if one.name in LEFT_OUT or value is None or value == default:
+    for entry in fields(options):
+        value = getattr(options, entry.name)
+        default = None if entry.default is MISSING else entry.default
+        if entry.name in LEFT_OUT or value is None or value == default:
             continue
-        if "Positional" in str(one.type):
+        if "Positional" in str(entry.type):
             words.append(str(value))
         elif value is True or value is False:
-            words.append(f"--{'' if value else 'no-'}{one.name.replace('_', '-')}")
+            words.append(f"--{'' if value else 'no-'}{entry.name.replace('_', '-')}")
         elif isinstance(value, tuple | list):
-            words += [f"--{one.name.replace('_', '-')}", *map(str, value)]
+            words += [f"--{entry.name.replace('_', '-')}", *map(str, value)]
         else:
-            words += [f"--{one.name.replace('_', '-')}", str(value)]
+            words += [f"--{entry.name.replace('_', '-')}", str(value)]
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"
 
 
@@ -58,27 +58,27 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
     """
     check_options(command, words, record)
     given = {word.split("=")[0].replace("_", "-") for word in words}
-    asked = bool(HELP & given)  # then tyro exits, and says what is required
-    if not asked:
+    help_requested = bool(HELP & given)  # then tyro exits, and says what is required
+    if not help_requested:
         _check_values(command, words, record)
     import tyro  # late, because the list of commands needs none of it
 
-    needed = [one for one in fields(record) if one.default is MISSING]
+    needed = [entry for entry in fields(record) if entry.default is MISSING]
     stand_ins = {f.name: tyro.MISSING if _option(f) in given else _stand_in(f.type) for f in needed}
     options, strays = tyro.cli(
-        _with_help(record) if asked else record,
+        _with_help(record) if help_requested else record,
         prog=f"vlnpe {command}",
         args=words,
         config=(tyro.conf.OmitArgPrefixes,),
         return_unknown_args=True,
-        **({} if asked else {"default": record(**stand_ins)}),
+        **({} if help_requested else {"default": record(**stand_ins)}),
     )
     if strays:
         raise unknown_word(command, strays[0], option_names(record))
     missing = [
-        option or one.name.upper()
-        for one, option in zip(needed, map(_option, needed), strict=True)
-        if (option and option not in given) or str(getattr(options, one.name)) == ABSENT
+        option or entry.name.upper()
+        for entry, option in zip(needed, map(_option, needed), strict=True)
+        if (option and option not in given) or str(getattr(options, entry.name)) == ABSENT
     ]
     if missing:
         what = f"{' and '.join(missing)} {'are' if len(missing) > 1 else 'is'} missing"
@@ -95,30 +95,30 @@ def _with_help(record: type) -> type:
     import tyro
     from docstring_parser import parse_from_object
 
-    by_name = {one.name: one for one in fields(record)}
+    by_name = {entry.name: entry for entry in fields(record)}
     texts: dict[str, str] = {}
     for base in reversed(record.__mro__[:-1]):
         for text in parse_from_object(base).params:
             texts[text.arg_name] = " ".join((text.description or "").split())
     order = [name for base in record.__mro__ for name in get_annotations(base) if name in by_name]
     parts = []
-    for one in (by_name[name] for name in dict.fromkeys(order)):
-        shown: dict[str, Any] = {"help": texts.get(one.name)}
-        if one.default is None:
+    for entry in (by_name[name] for name in dict.fromkeys(order)):
+        shown: dict[str, Any] = {"help": texts.get(entry.name)}
+        if entry.default is None:
             shown["help_behavior_hint"] = ""
-            (kind,) = (kind for kind in get_args(one.type) if kind is not NoneType)
+            (kind,) = (kind for kind in get_args(entry.type) if kind is not NoneType)
             names = ",".join(get_args(kind))  # of a Literal
             shown["metavar"] = f"{{{names}}}" if names else kind.__name__.upper()
-        described = Annotated[one.type, tyro.conf.arg(**shown)]
-        parts.append((one.name, described, field(default=one.default)))
+        described = Annotated[entry.type, tyro.conf.arg(**shown)]
+        parts.append((entry.name, described, field(default=entry.default)))
     return make_dataclass(
         record.__name__, parts, namespace={"__doc__": record.__doc__}, kw_only=True
     )
 
 
-def _option(one: Field[Any]) -> str:
+def _option(entry: Field[Any]) -> str:
     """Return how a field is written as an option; empty for a positional argument."""
-    return "" if "Positional" in str(one.type) else f"--{one.name.replace('_', '-')}"
+    return "" if "Positional" in str(entry.type) else f"--{entry.name.replace('_', '-')}"
 
 
 def _stand_in(kind: Any) -> Any:
@@ -131,8 +131,10 @@ def _stand_in(kind: Any) -> Any:
 
 def option_names(record: type) -> set[str]:
     """Return how the options of a class of `pipeline.options` are written: `--out`, `--no-json`."""
-    named = [one for one in fields(record) if "Positional" not in str(one.type)]
-    words = {one.name for one in named} | {f"no_{f.name}" for f in named if "bool" in str(f.type)}
+    named = [entry for entry in fields(record) if "Positional" not in str(entry.type)]
+    words = {entry.name for entry in named} | {
+        f"no_{f.name}" for f in named if "bool" in str(f.type)
+    }
     return {f"--{word.replace('_', '-')}" for word in words | {"help"}}
 
 
@@ -184,7 +186,7 @@ def unknown_word(command: str, word: str, valid: Collection[str] = ()) -> InputE
     kind, hint = "argument", ""
     if word.startswith("-"):
         bare = word.strip("-_").replace("_", "-")
-        within = sorted(one for one in valid if f"-{bare}-" in f"{one}-")[:3]
+        within = sorted(entry for entry in valid if f"-{bare}-" in f"{entry}-")[:3]
         kind, hint = "option", did_you_mean(f"--{bare}", valid)
         hint = hint or (f" (did you mean {' or '.join(within)}?)" if within else "")
     listed = " ".join([program(), *filter(None, [command]), "--help"])

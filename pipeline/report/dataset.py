@@ -19,10 +19,14 @@ def dataset_plots(episodes: Sequence[Episode]) -> list[Plot]:
     """Return the figures of the paths that were walked, one curve per split."""
     splits = sorted({e.split for e in episodes})
     by_split = {split: [e for e in episodes if e.split == split] for split in splits}
-    texts = {split: [t for e in some for t in texts_of(e)] for split, some in by_split.items()}
-    lengths = {split: [e.reference_length_m for e in some] for split, some in by_split.items()}
+    texts = {
+        split: [t for e in members for t in texts_of(e)] for split, members in by_split.items()
+    }
+    lengths = {
+        split: [e.reference_length_m for e in members] for split, members in by_split.items()
+    }
     words = {split: [len(text.split()) for text in listed] for split, listed in texts.items()}
-    rooms = {split: _rooms_crossed(some) for split, some in by_split.items()}
+    rooms = {split: _rooms_crossed(members) for split, members in by_split.items()}
     marks = {"R2R mean": R2R_MEAN_M}
     figures = {
         f"Length of the reference paths. {_means(lengths, 'm')}": step_histogram(
@@ -43,16 +47,16 @@ def dataset_rows(episodes: Sequence[Episode]) -> list[dict[str, Any]]:
     """Return one row per split: how many paths, instructions, scenes and similarity groups."""
     rows = []
     for split in sorted({e.split for e in episodes}):
-        some = [e for e in episodes if e.split == split]
-        groups = {e.extra["similarity_group"] for e in some if "similarity_group" in e.extra}
+        members = [e for e in episodes if e.split == split]
+        groups = {e.extra["similarity_group"] for e in members if "similarity_group" in e.extra}
         rows.append(
             {
                 "split": split,
-                "paths": len(some),
-                "instructions": sum(len(texts_of(e)) for e in some),
-                "scenes": len({e.scene_id for e in some}),
+                "paths": len(members),
+                "instructions": sum(len(texts_of(e)) for e in members),
+                "scenes": len({e.scene_id for e in members}),
                 "groups": len(groups) or None,
-                "length": fmean(e.reference_length_m for e in some),
+                "length": fmean(e.reference_length_m for e in members),
             }
         )
     return rows
@@ -84,7 +88,7 @@ def _steps(episode: Episode) -> Sequence[int]:
 
 
 def _actions_note(by_split: dict[str, list[Episode]]) -> str:
-    steps = {split: [len(_steps(e)) for e in some] for split, some in by_split.items()}
+    steps = {split: [len(_steps(e)) for e in members] for split, members in by_split.items()}
     return f"Actions of an ideal agent (0.25 m, 15°). {_means(steps, 'steps per path')}"
 
 

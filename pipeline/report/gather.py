@@ -126,15 +126,15 @@ def robot_rows(ledger: Ledger) -> list[RobotRow]:
 def shared_paths_note(ledger: Ledger) -> str:
     """Return what to say of rows that are averages over different paths; nothing if none are."""
     walks = _walks(ledger)
-    seeds = {facts.get("seed") for some in walks.values() for facts in some.values() if facts}
-    paths = [set(some) for some in walks.values()]
+    seeds = {facts.get("seed") for walked in walks.values() for facts in walked.values() if facts}
+    paths = [set(walked) for walked in walks.values()]
     shared = set[str]().union(*paths).intersection(*paths)
-    if all(some == shared for some in paths) and len(seeds) <= 1:
+    if all(walked == shared for walked in paths) and len(seeds) <= 1:
         return ""
     note = "The rows are averages over different paths"
     if not shared or len(seeds) > 1:  # another seed may sample other paths of the same names
         return f"{note}."
-    common = {crew: {name: some[name] for name in shared} for crew, some in walks.items()}
+    common = {crew: {name: walked[name] for name in shared} for crew, walked in walks.items()}
     rates = ", ".join(f"{r.robot} {r.driven}: {r.sr:.1f}" for r in _robot_rows(common))
     which = "1 path" if len(shared) == 1 else f"{len(shared)} paths"
     return f"{note}. SR % on the {which} that all walked: {rates}."
@@ -153,8 +153,8 @@ def _walks(ledger: Ledger) -> dict[tuple[str, str], dict[str, _Facts]]:
 
 
 def _robot_rows(walks: Mapping[tuple[str, str], Mapping[str, _Facts]]) -> list[RobotRow]:
-    facts = {crew: [one for one in some.values() if one] for crew, some in walks.items()}
-    seeds = {one.get("seed") for some in facts.values() for one in some}
+    facts = {crew: [fact for fact in walked.values() if fact] for crew, walked in walks.items()}
+    seeds = {fact.get("seed") for walked in facts.values() for fact in walked}
     return [
         _robot_row(robot, label, known, len(walks[robot, label]) - len(known), len(seeds) > 1)
         for (robot, label), known in facts.items()

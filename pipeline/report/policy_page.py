@@ -72,10 +72,10 @@ def _result_rows(episodes: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     return [
         {
             "name": name,
-            "count": len(some),
-            "cells": [vars(v) | {"decimals": decimals(n)} for n, v in summarise(some).items()],
+            "count": len(members),
+            "cells": [vars(v) | {"decimals": decimals(n)} for n, v in summarise(members).items()],
         }
-        for name, some in groups
+        for name, members in groups
     ]
 
 

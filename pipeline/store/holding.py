@@ -38,12 +38,12 @@ def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
     contents = (holder.line() + b"\n%d" % count for count in itertools.count())
     watched, since_s, warned = None, 0.0, False
     while not store.create(LOCK_NAME, next(contents)):
-        found = store.read(LOCK_NAME)
-        if found is None:
+        content = store.read(LOCK_NAME)
+        if content is None:
             continue
-        other = Holder.parse(found)
-        if found != watched:
-            watched, since_s = found, time.monotonic()
+        other = Holder.parse(content)
+        if content != watched:
+            watched, since_s = content, time.monotonic()
         dead_here = other is not None and other.is_here() and not other.is_alive_here()
         if dead_here or time.monotonic() - since_s > STALE_S:
             store.remove([LOCK_NAME])

@@ -100,8 +100,10 @@ class ObjectFolder:
 
     def sizes(self) -> dict[str, int | None]:
         """Return the size of each object [bytes] by its name; None where the store has no sizes."""
-        found = self._try(lambda: self.files.find(self.path, detail=True), missing={})
-        return {name.removeprefix(f"{self.path}/"): one.get("size") for name, one in found.items()}
+        listed = self._try(lambda: self.files.find(self.path, detail=True), missing={})
+        return {
+            name.removeprefix(f"{self.path}/"): entry.get("size") for name, entry in listed.items()
+        }
 
     def _full(self, name: str) -> str:
         return f"{self.path}/{name}"

@@ -42,19 +42,19 @@ def _unexported(ledger: Ledger) -> Iterator[Check]:
         with_failures = {_scope(item) for item in exported & failures}
         for row in rendered:
             scope = _scope(row.item)
-            asked = scope in (with_failures if row.item in failures else scopes)
-            if asked and row.item not in exported:
+            expected = scope in (with_failures if row.item in failures else scopes)
+            if expected and row.item not in exported:
                 yield Check(f"{RENDER} {row.item}", f"neither in stage {stage} nor quarantined")
 
 
 def _left_out(ledger: Ledger) -> Iterator[Check]:
     for row in _done(ledger, DATASET):
         units = [r for r in _done(ledger, "export") if _dataset(r.item) == row.item]
-        found = {
+        counts = {
             "episodes": len(units),
             "frames": sum(int(r.facts.get("frames", 0)) for r in units),
         }
-        wrong = {what: count for what, count in found.items() if row.facts.get(what) != count}
+        wrong = {what: count for what, count in counts.items() if row.facts.get(what) != count}
         if wrong:
             has = ", ".join(f"{row.facts.get(what)} {what}" for what in wrong)
             units_have = ", ".join(f"{count} {what}" for what, count in wrong.items())

@@ -62,9 +62,9 @@ def check_splits(
         return
     scenes, paths = {}, {}
     for name, indices in splits.items():
-        some = [episodes[index] for index in indices]
-        scenes[name] = {e["scene_id"] for e in some}
-        paths[name] = {(e["scene_id"], e["trajectory_id"]) for e in some}
+        members = [episodes[index] for index in indices]
+        scenes[name] = {e["scene_id"] for e in members}
+        paths[name] = {(e["scene_id"], e["trajectory_id"]) for e in members}
     for first, second in combinations(sorted(splits), 2):
         for scene, trajectory in sorted(paths[first] & paths[second]):
             raise ValueError(f"path {trajectory} of {scene} is in splits {first} and {second}")

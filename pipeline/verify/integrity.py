@@ -124,11 +124,11 @@ def _unknown(root: Path, below: str, records: Mapping[str, FileRecord]) -> Itera
 
 def _recorded_beside(root: Path) -> set[Path]:
     """Return files in the run that single outputs' ledgers, in `.vlnpe/<name>/`, know of."""
-    found: set[Path] = set()
+    result: set[Path] = set()
     for manifest in root.rglob(f"{LEDGERS}/*/{MANIFEST_NAME}"):
         ledger = Ledger(manifest.parent)
-        found |= {(ledger.root / name).resolve() for name in ledger.files()}
-    return found
+        result |= {(ledger.root / name).resolve() for name in ledger.files()}
+    return result
 
 
 def problem_of(check: Callable[[], object]) -> str:

@@ -56,9 +56,9 @@ def _frames(path: Path) -> None:
     if len(set(counts.values())) > 1:
         raise ValueError(f"frame counts differ: {_listed(counts)}")
     rate = folder.frames_per_second
-    found = {v.name: probe_video(v).frames_per_second for v in (folder.rgb_video,)}
-    if any(value != rate for value in found.values()):
-        raise ValueError(f"frame rates differ: meta.json {rate}, {_listed(found)}")
+    rates = {v.name: probe_video(v).frames_per_second for v in (folder.rgb_video,)}
+    if any(value != rate for value in rates.values()):
+        raise ValueError(f"frame rates differ: meta.json {rate}, {_listed(rates)}")
 
 
 def _unit(path: Path) -> None:

@@ -103,19 +103,19 @@ def _with_robots(command: str, walks: Collection[tuple[str, str]]) -> str:
     robots, controllers = ({walk[k] for walk in walks} for k in (0, 1))
     if "collect" not in words or not walks or not robots <= ROBOTS.keys():
         return command
-    for option, wanted, default in (
+    for option, needed, default in (
         ("--robot", robots, Collect.robot),
         ("--controller", controllers, Collect.controller),
     ):
         at = words.index(option) + 1 if option in words else 0
         given = words[at] if at else default
-        made = {AUTO: {"path", "flash"}, ALL: wanted}.get(given, set(given.split(",")))
-        if wanted <= made:
+        present = {AUTO: {"path", "flash"}, ALL: needed}.get(given, set(given.split(",")))
+        if needed <= present:
             continue
         if at:
-            words[at] = ",".join(sorted(wanted))
+            words[at] = ",".join(sorted(needed))
         else:
-            words += [option, ",".join(sorted(wanted))]
+            words += [option, ",".join(sorted(needed))]
     return shlex.join(words).replace(" '&&' ", " && ", 1)
 
 

@@ -81,9 +81,9 @@ def more_episodes(
     for number, name in enumerate(names):
         count = options.augment // len(names) + (number < options.augment % len(names))
         if count:
-            wanted = SampleConfig(count=count, robot_radius_m=robot.footprint_radius_m)
+            sampling = SampleConfig(count=count, robot_radius_m=robot.footprint_radius_m)
             near = [episode for episode in avoid if episode.scene_id == name]
-            found += _sampled(scenes / name, wanted, near, seed)
+            found += _sampled(scenes / name, sampling, near, seed)
     texts = instruct_episodes(found, scenes, InstructConfig(), seed)
     for episode, reason in texts.failed.items():
         logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)

@@ -153,12 +153,14 @@ class SlurmExecutor(Executor):
 
         try:
             with self._cluster.batch():
-                jobs = [self._cluster.submit(Share([call for call, _ in one])) for one in shares]
+                jobs = [
+                    self._cluster.submit(Share([call for call, _ in share])) for share in shares
+                ]
         except FailedJobError as error:
             raise InputError(f"Slurm refused the jobs: {error}") from error
         with self._lock:
-            for job, one in zip(jobs, shares, strict=True):
-                self._running[job] = [future for _, future in one]
+            for job, share in zip(jobs, shares, strict=True):
+                self._running[job] = [future for _, future in share]
         if self._watcher is None:
             self._watcher = threading.Thread(target=self._watch, daemon=True)
             self._watcher.start()

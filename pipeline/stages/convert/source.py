@@ -121,8 +121,8 @@ def _layout_files(folder: Path, number: int) -> list[Path]:
 
 def _seen(files: Iterable[Path]) -> list[Any]:
     """Return what identifies files without reading gigabytes: their sizes and times."""
-    found: list[Any] = []
+    states: list[Any] = []
     for path in files:
         status = path.stat() if path.is_file() else None
-        found.append([str(path), *((status.st_size, status.st_mtime_ns) if status else ())])
-    return found
+        states.append([str(path), *((status.st_size, status.st_mtime_ns) if status else ())])
+    return states

@@ -95,11 +95,11 @@ def check_complete(
         InputError: names each scene that cannot hold its share, how many it holds, and what would.
     """
     lost = {row.item: row for row in before if row.status == "quarantined"}
-    found = lost | {row.item: row for row in rows}
+    outcomes = lost | {row.item: row for row in rows}
     problems = []
     for scene, quotas in planned.items():
         total = sum(quotas.values())
-        row = found.get(scene)
+        row = outcomes.get(scene)
         if row is None or row.status != "done":
             reason = f"{row.stage} failed: {row.error['reason']}" if row else "it was not sampled"
             problems.append(f"{scene} holds none of {total} paths: {reason}")
@@ -166,6 +166,8 @@ def merge(
             by_split.setdefault(episode.split, []).append(episode)
     files = {split: out(split) for split in by_split}
     for split, episodes in by_split.items():
-        written = [one for e in episodes for one in per_instruction(e)] if expand else episodes
+        written = (
+            [single for e in episodes for single in per_instruction(e)] if expand else episodes
+        )
         write_episodes(files[split], written)
     return [path for episodes in by_split.values() for path in group_by_path(episodes)], files

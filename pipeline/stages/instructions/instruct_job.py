@@ -20,8 +20,6 @@ from ....instruction_gen.llm.brief import SIGHT_PROMPTS, prompts_sha256
 from ....instruction_gen.records import InstructConfig
 from ...engine.work import ItemResult
 
-CACHE = "llm_cache"  # name of the folder of a language model's answers, which were paid for
-
 
 @dataclass(frozen=True)
 class InstructJob:
@@ -57,22 +55,26 @@ class InstructJob:
     def run(self) -> ItemResult:
         """Instruct one file's episodes."""
         started = time.process_time()
-        asked = read_episodes(self.episodes)
+        sources = read_episodes(self.episodes)
         sight = read_sights(self.seen)
         named = read_named(self.named)
         facts = FactsFile()
         result = instruct_episodes(
-            asked, self.scenes, self.config, self.seed, sight,
+            sources, self.scenes, self.config, self.seed, sight,
             cache=self.cache, named=named, keep=facts.add,
         )  # fmt: skip
-        kept = set() if self.config.replace else {e.episode_id for e in asked if e.instruction}
-        made = [
-            episode if episode.episode_id in kept else self._with_vision(episode, named)
+        unchanged = (
+            set() if self.config.replace else {e.episode_id for e in sources if e.instruction}
+        )
+        written = [
+            episode if episode.episode_id in unchanged else self._with_vision(episode, named)
             for episode in result.episodes
         ]
         if self.per_instruction:
-            made = [one for path in group_by_path(made) for one in per_instruction(path)]
-        write_episodes(self.out, made)
+            written = [
+                single for path in group_by_path(written) for single in per_instruction(path)
+            ]
+        write_episodes(self.out, written)
         facts.write(self.facts)
         return ItemResult({**summary(result), "cpu_s": round(time.process_time() - started, 2)})
 

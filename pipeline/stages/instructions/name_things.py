@@ -56,14 +56,14 @@ class NameThingsJob:
             ModelDownError: The model fails again and again.
             BudgetError: No more may be spent.
         """
-        asked = [e for path in self.episodes for e in read_episodes(path)]
-        asked = [e for e in asked if self.every or not e.instruction]
+        targets = [e for path in self.episodes for e in read_episodes(path)]
+        targets = [e for e in targets if self.every or not e.instruction]
         bundle = load_bundle(self.scene)
         things, rooms = lacking(bundle)
-        if not (asked and (things or rooms)):
+        if not (targets and (things or rooms)):
             write_named(self.out, None)
             return ItemResult({"labelled": not (things or rooms)})
-        views = views_along(bundle, asked, self.robot)
+        views = views_along(bundle, targets, self.robot)
         named, seen, entered = Named(), Tally(), Tally()
         if things:
             objects, seen = name_things(self._client(Sights), views)
@@ -71,8 +71,8 @@ class NameThingsJob:
         if rooms:
             furnished = replace(bundle, objects=(*bundle.objects, *named.objects))
             regions = {k: region_map(furnished, k) for k in {view.level for view in views}}
-            found, entered = name_rooms(self._client(RoomSight), views, regions)
-            named = replace(named, rooms=tuple(found))
+            rooms_named, entered = name_rooms(self._client(RoomSight), views, regions)
+            named = replace(named, rooms=tuple(rooms_named))
         write_named(self.out, named)
         used = Budget(self.cache / "usage.json", self.settings).used()
         return ItemResult(

@@ -56,11 +56,11 @@ class LookJob:
     def run(self) -> ItemResult:
         """Write what is seen along each path of an episode file."""
         started = time.process_time()
-        asked = [e for e in read_episodes(self.episodes) if self.every or not e.instruction]
+        targets = [e for e in read_episodes(self.episodes) if self.every or not e.instruction]
         eye = StandingEye(self.robot)
         paths = images = 0
         with visibility_writer(self.out, eye.described()) as write:
-            for trajectory_id, sight in look(load_bundle(self.scene), asked, eye):
+            for trajectory_id, sight in look(load_bundle(self.scene), targets, eye):
                 write(trajectory_id, sight)
                 paths, images = paths + 1, images + len(sight.looks_m)
         used = round(time.process_time() - started, 2)

@@ -43,8 +43,8 @@ class DepthKeeper:
 
     def of(self, video: Path) -> list[NDArray[np.uint16]] | None:
         """Return the codes of each frame of a video, if they are known."""
-        known = self._stamp is not None and self._stamp == _stamp(video)
-        return self._codes if known and self._codes else None
+        current = self._stamp is not None and self._stamp == _stamp(video)
+        return self._codes if current and self._codes else None
 
 
 def rollout_at(path: Path) -> Rollout:
@@ -60,8 +60,8 @@ def _read(path: Path, stamp: Stamp | None) -> Rollout:
 def _stamp(path: Path) -> Stamp | None:
     """Return what changes whenever a file is replaced or written to; None if it is missing."""
     try:
-        found = path.stat()
+        status = path.stat()
     except OSError:
         return None
     # Not the time of the inode's change: linking a file changes that.
-    return found.st_dev, found.st_ino, found.st_size, found.st_mtime_ns
+    return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns

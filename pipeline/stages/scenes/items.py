@@ -173,7 +173,7 @@ def source_digest(source: Path) -> str:
 def _beside(source: Path) -> list[Path]:
     """Return the files in and below the scan's folder that it may refer to, sorted by path."""
     found: list[Path] = []
-    looked = 0
+    count = 0
     for folder, folders, files in source.parent.walk():
         # What a run wrote beside its scan must not make the scan another one.
         folders[:] = [
@@ -183,8 +183,8 @@ def _beside(source: Path) -> list[Path]:
             and name != "runs"
             and not any((folder / name / own).is_file() for own in LEDGER_FILES)
         ]
-        looked += len(folders) + len(files)
-        if looked > MAX_BESIDE:
+        count += len(folders) + len(files)
+        if count > MAX_BESIDE:
             raise FileFormatError(
                 source,
                 f"its folder {source.parent} has more than {MAX_BESIDE:,} files, any of which it "

@@ -91,7 +91,7 @@ def test_a_run_of_several_files_is_reviewed_by_what_the_camera_saw(
     folder = RunFolder(tmp_path)
     for split, name in (("val_seen", "a"), ("val_unseen", "b")):
         share = part_name(split, "two_rooms", files=2)
-        told = folder.episodes(f"told/{share}")
+        told = folder.episodes(f"instructed/{share}")
         write_episodes(told, [replace(episode_along(EAST, name), instruction="Walk on.")])
         seen = folder.sights.seen(share)
         LookJob(scenes / "two_rooms", told, seen, get_robot("jetbot"), every=True).run()
