@@ -95,7 +95,7 @@ lint:  ## Check formatting, style and types
 
 audit:  ## Check licences of all packages and, online, their known vulnerabilities
 	@$(SETUP) full
-	@$(BIN)/python -m vlnpe.pipeline.audit
+	@$(BIN)/python -m tests.support.audit
 
 bench:  ## Run the benchmarks, write benchmarks/README.md, then the slow tests: make bench [ONLY="render write"]
 	@$(SETUP) full

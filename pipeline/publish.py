@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from ..formats.convert.dataset import ROLLOUTS_PATH
 from ..formats.core.atomic import TEMPORARY_PREFIX, file_digest
@@ -26,45 +26,11 @@ VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
 OURS = ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"]
 
 
+Hub = Any  # `huggingface_hub.HfApi`, or a stand-in
+
+
 class HubError(VlnpeError):
     """The Hub refused the request, or could not be reached."""
-
-
-class Hub(Protocol):
-    """The part of `huggingface_hub.HfApi` that is used."""
-
-    def repo_exists(self, repo_id: str, *, repo_type: str) -> bool:
-        """Return whether the repository exists."""
-        ...
-
-    def list_repo_refs(self, repo_id: str, *, repo_type: str) -> Any:
-        """Return the branches and `tags`, each with a `name`."""
-        ...
-
-    def create_repo(self, repo_id: str, *, repo_type: str, private: bool, exist_ok: bool) -> Any:
-        """Create a repository."""
-        ...
-
-    def upload_folder(
-        self,
-        *,
-        repo_id: str,
-        folder_path: str,
-        repo_type: str,
-        commit_message: str,
-        allow_patterns: list[str],
-        delete_patterns: list[str],
-    ) -> Any:
-        """Make one commit; its name is the result's `oid`."""
-        ...
-
-    def create_tag(self, repo_id: str, *, tag: str, revision: str, repo_type: str) -> None:
-        """Name a commit."""
-        ...
-
-    def delete_tag(self, repo_id: str, *, tag: str, repo_type: str) -> None:
-        """Remove a tag."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -152,7 +118,7 @@ def demand_licence(release: Release) -> None:
         )
 
 
-def upload(release: Release, hub: Hub | None = None) -> Upload:
+def upload(release: Release, hub: Hub = None) -> Upload:
     """Upload a release as one commit, and tag it.
 
     The release's tag comes last: until it is there an interrupted upload is done again, and only

@@ -125,7 +125,7 @@ def run_filter(options: Filter) -> int:
     lines = []
     files = {}
     for row in summary.good().values():
-        lines += filter_lines(row)
+        lines += align.filter_lines(row.facts)
         files[row.facts["split"]] = {k: row.facts[k] for k in ("kept", "dropped", "counts", "bad")}
     total = {key: sum(one[key] for one in files.values()) for key in ("kept", "dropped")}
     text = "\n".join([*lines, f"{out}: {total['kept']} kept, {total['dropped']} dropped"])
@@ -133,24 +133,6 @@ def run_filter(options: Filter) -> int:
     return print_result(
         options, {"out": str(out), **total, "splits": files, "reasons": reasons}, text
     )
-
-
-def filter_lines(row: Row) -> list[str]:
-    """Return what the stair filter did to one split, in words: episodes and paths, by reason."""
-    counts, split = row.facts["counts"], row.facts["split"]
-
-    def counted(pair: Sequence[int]) -> str:
-        return f"{pair[0]} episodes ({pair[1]} paths)"
-
-    lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
-    lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
-    lines += [
-        f"  cannot be judged by {rule}: {counted(pair)} {cause}; kept"
-        for rule, causes in counts["not_judged"].items()
-        for cause, pair in causes.items()
-    ]
-    lines += [f"  unusable {name}: {reason}" for _, name, reason in row.facts["bad"]]
-    return lines
 
 
 def run_sample(options: Sample) -> int:

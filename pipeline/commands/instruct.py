@@ -52,29 +52,6 @@ class _Task:
         }
 
 
-@dataclass(frozen=True)
-class _Observed:
-    """What cameras and models saw along the paths.
-
-    Attributes:
-        rows: Rows of the stages `look` and `name`.
-        named: Those of scenes in which a model named things, by scene.
-    """
-
-    rows: Sequence[Row]
-    seen: tuple[Path, ...]
-    named: Mapping[str, Row]
-
-    def lost(self, task: _Task) -> dict[str, str]:
-        """Return why the episodes of scenes that could not be looked at have no text, by id."""
-        return {
-            episode.episode_id: row.error["reason"]
-            for row in self.rows
-            if row.status == "quarantined"
-            for episode in task.by_scene[row.item]
-        }
-
-
 def run(options: Instruct) -> int:
     """Instruct one file's episodes; return 1 if too many have no true text.
 
@@ -90,16 +67,23 @@ def run(options: Instruct) -> int:
         files = SightFiles(context.ledger.root)
         looking = sight.Sight(task.scenes, files, robot, config.replace)
         model = sight.Model(vision, cache) if vision else None
-        observed = _observed(context, looking, task, options.robot != NO_ROBOT, model)
-        lost = observed.lost(task)
+        seen, names = _observed(context, looking, task, options.robot != NO_ROBOT, model)
+        sight_rows = [*seen.rows, *names.rows]
+        lost = {
+            episode.episode_id: row.error["reason"]
+            for row in sight_rows
+            if row.status == "quarantined"
+            for episode in task.by_scene[row.item]
+        }
         left = [e for e in task.episodes if e.episode_id not in lost]
         write_episodes(context.ledger.root / EPISODES, left)
-        named = tuple(files.named(scene) for scene in observed.named)
-        _forget(files, {*observed.seen, *named})
+        records = tuple(files.seen(scene) for scene in seen.good())
+        named = tuple(files.named(scene) for scene in names.good())
+        _forget(files, {*records, *named})
         job = InstructJob(
             scenes=task.scenes,
             episodes=context.ledger.root / EPISODES,
-            seen=observed.seen,
+            seen=records,
             out=out,
             facts=context.ledger.root / FACTS,
             cache=cache,
@@ -110,15 +94,15 @@ def run(options: Instruct) -> int:
             vision_model=vision.model if vision else "",
         )
         keys = [digest(task.episodes), *(task.keys[scene] for scene in sorted(task.by_scene))]
-        keys += [row.key for row in observed.rows if row.status == "done"]
+        keys += [row.key for row in sight_rows if row.status == "done"]
         item = instruct.item(out.name, job, *keys, str(options.per_instruction))
         facts = run_output(context, out, instruct.STAGE, item).facts
     if options.facts is not None:
         write_bytes(options.facts, job.facts.read_bytes())
     facts["quarantined"] = lost | facts["quarantined"]
-    if observed.named:
-        facts["vision_model"] = sight.model_usage(observed.named.values())
-    _print(options, task, job, facts, observed.named)
+    if naming := names.good():
+        facts["vision_model"] = sight.model_usage(naming.values())
+    _print(options, task, job, facts, naming)
     return int(len(facts["quarantined"]) > options.max_failed)
 
 
@@ -140,7 +124,7 @@ def _task(options: Instruct) -> _Task:
 
 def _observed(
     context: Context, looking: sight.Sight, task: _Task, look: bool, model: sight.Model | None
-) -> _Observed:
+) -> tuple[StageSummary, StageSummary]:
     """Run the stages `look` and `name`, each if it is asked for."""
     rows = task.rows()
     parts = {scene: context.ledger.root / f"{scene}.json.gz" for scene in rows}
@@ -153,8 +137,7 @@ def _observed(
         looked = stage(sight.STAGE, items, required=True)
     if model and rows:
         named = sight.named_scenes(stage, looking, model, rows, parts)
-    seen = tuple(looking.files.seen(scene) for scene in looked.good())
-    return _Observed([*looked.rows, *named.rows], seen, named.good())
+    return looked, named
 
 
 def _print(

@@ -10,7 +10,7 @@ from ..publish import CARD, Hub, Release, demand_licence, plan_release, upload
 MEBIBYTE = 1024 * 1024
 
 
-def run_push(options: Push, hub: Hub | None = None) -> int:
+def run_push(options: Push, hub: Hub = None) -> int:
     """Show a release, and upload it if `options.yes` is set; `hub` replaces the real Hub in tests.
 
     Raises:

@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, select_autoescape
 
 from ..engine.ledger import Ledger, Row
+from ..stages.episodes.align_items import filter_lines
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
 from .gather import (
@@ -103,7 +104,8 @@ def _episode_note(ledger: Ledger, walked: int) -> str:
     if sampled and walked > sum(row.facts.get("episodes", 0) for row in sampled):
         parts.append(f"{walked} paths were walked: some are of earlier runs in this folder")
     for row in ledger.rows("filter"):
-        parts += filter_notes(row.facts)
+        if "counts" in row.facts:
+            parts += [line.strip() for line in filter_lines(row.facts)]
     for row in ledger.rows("align"):
         if row.status == "done":
             facts = row.facts
@@ -112,28 +114,6 @@ def _episode_note(ledger: Ledger, walked: int) -> str:
             note = f"{row.item}: {of} aligned"
             parts.append(f"{note} ({changed})" if changed else note)
     return ". ".join(parts) + "." if parts else ""
-
-
-def filter_notes(facts: Mapping[str, Any]) -> list[str]:
-    """Return what the stair filter did to one split, in words: episodes and paths, by rule."""
-    if "counts" not in facts:
-        return []
-    counts, split = facts["counts"], facts["split"]
-
-    def counted(pair: Sequence[int]) -> str:
-        episodes, paths = ("" if count == 1 else "s" for count in pair)
-        return f"{pair[0]} episode{episodes} ({pair[1]} path{paths})"
-
-    notes = [
-        f"{split}: {counted(counts['kept'])} kept, {counted(counts['dropped'])} dropped for stairs"
-    ]
-    notes += [f"by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items() if pair[0]]
-    notes += [
-        f"{counted(pair)} {cause} cannot be judged by {rule} and are kept"
-        for rule, causes in counts["not_judged"].items()
-        for cause, pair in causes.items()
-    ]
-    return notes
 
 
 def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from vlnpe.pipeline import audit
+from tests.support import audit
 
 ROOT = Path(__file__).resolve().parents[2]
 

@@ -1,7 +1,8 @@
 """Stages `filter` and `align`: from users' VLN-CE files to episodes in repaired scenes."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ....formats.core.atomic import file_digest
 from ....formats.vlnce.files import read_vlnce
@@ -114,3 +115,21 @@ def record_rejected(
 
 def _named(split: str, name: str, files: int) -> str:
     return name if files == 1 else f"{split}/{name}"
+
+
+def filter_lines(facts: Mapping[str, Any]) -> list[str]:
+    """Return what the stair filter did to one split, in words: episodes and paths, by reason."""
+    counts, split = facts["counts"], facts["split"]
+
+    def counted(pair: Sequence[int]) -> str:
+        return f"{pair[0]} episodes ({pair[1]} paths)"
+
+    lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
+    lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
+    lines += [
+        f"  cannot be judged by {rule}: {counted(pair)} {cause}; kept"
+        for rule, causes in counts["not_judged"].items()
+        for cause, pair in causes.items()
+    ]
+    lines += [f"  unusable {name}: {reason}" for _, name, reason in facts["bad"]]
+    return lines

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.metadata import Distribution, distributions
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 300
 PERMISSIVE = re.compile(
     r"\b(MIT|MIT-0|MIT-CMU|X11|BSD|0BSD|[1-4]-Clause|Apache|ISCL?|PSF|PSFL|CNRI|Python Software"
