@@ -230,7 +230,7 @@ def test_vlnce_episodes_are_filtered_aligned_and_walked(tmp_path):
     assert set(reasons) == {"episode 3", "episode 4"}
     assert "attic" in reasons["episode 4"]
     page = (tmp_path / "run" / "report" / "index.html").read_text()
-    assert "dropped 1 episodes (1 paths)" in page
+    assert "dropped 1 episode (1 path)" in page
     assert "attic" in page
 
 

@@ -122,7 +122,8 @@ def filter_lines(facts: Mapping[str, Any]) -> list[str]:
     counts, split = facts["counts"], facts["split"]
 
     def counted(pair: Sequence[int]) -> str:
-        return f"{pair[0]} episodes ({pair[1]} paths)"
+        episodes, paths = ("" if count == 1 else "s" for count in pair)
+        return f"{pair[0]} episode{episodes} ({pair[1]} path{paths})"
 
     lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
     lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
