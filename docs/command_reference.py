@@ -4,7 +4,7 @@ import re
 from dataclasses import MISSING, Field, fields
 from inspect import cleandoc, get_annotations
 from types import NoneType
-from typing import Any, Literal, get_args, get_origin
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from docstring_parser import parse_from_object
 
@@ -69,18 +69,19 @@ def _is_option(one: Field[Any]) -> bool:
 
 
 def _name(one: Field[Any]) -> str:
-    option = f"--{one.name.replace('_', '-')}"
+    option = f"--{one.name.rstrip('_').replace('_', '-')}"
+    kind = get_args(one.type)[0] if get_origin(one.type) is Annotated else one.type
     if not _is_option(one):
         return f"`{one.name.upper()}`"
-    if one.type is bool:
+    if kind is bool:
         return f"`{option if one.default is False else option.replace('--', '--no-', 1)}`"
-    kinds = [kind for kind in get_args(one.type) or (one.type,) if kind is not NoneType]
-    if get_origin(one.type) is Literal:
+    kinds = [part for part in get_args(kind) or (kind,) if part is not NoneType]
+    if get_origin(kind) is Literal:
         return f"`{option} {{{','.join(map(str, kinds))}}}`"
     if get_origin(kinds[0]) is Literal:
         return f"`{option} {{{','.join(map(str, get_args(kinds[0])))}}}`"
     name = getattr(kinds[0], "__name__", str(kinds[0])).upper()
-    return f"`{option} {name}{' …' if get_origin(one.type) is tuple else ''}`"
+    return f"`{option} {name}{' …' if get_origin(kind) is tuple else ''}`"
 
 
 def _default(one: Field[Any]) -> str:

@@ -1,4 +1,4 @@
-"""`vlnpe robots`: list robots, render them, and export one as a template."""
+"""`vlnpe robots`: list robots, render them, export one as a template, and import a URDF."""
 
 import json
 import sys
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
 from ...collectors.robots.folder.export import export_robot
+from ...collectors.robots.folder.urdf import import_urdf
 from ...formats.core.errors import FileFormatError, InputError
 from ..options.robots import Robots
 
@@ -27,18 +28,20 @@ class _Done:
 
 
 def run_robots(options: Robots) -> int:
-    """List robots, render one, or export one.
+    """List robots, render one, export one, or import one.
 
     Raises:
         InputError: If a robot is unknown, a folder is not a robot, or `out` cannot be used.
     """
     done = _Done()
-    if options.view is not None and options.export is not None:
-        raise InputError("--view and --export cannot be combined")
+    if sum(o is not None for o in (options.view, options.export, options.import_)) > 1:
+        raise InputError("--view, --export and --import cannot be combined")
     if options.view is not None:
         _view(get_robot(options.view), options.out or Path(), done)
     elif options.export is not None:
         _export(get_robot(options.export), options.out, done)
+    elif options.import_ is not None:
+        _import(options.import_, options.out, done)
     else:
         _list(options, done)
     text = json.dumps(done.values) if options.json else "\n".join(done.lines)
@@ -90,14 +93,7 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
 def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
     from ...collectors.locomotion.runtime.policy import policy_files
 
-    if out is None:
-        raise InputError("--export requires --out, a folder whose name becomes the robot's name")
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        # An existing robot may have been edited by hand, so never overwrite it.
-        raise InputError(f"{out}: already exists; choose another folder or remove it first")
-    name = out.resolve().name
-    if name in ROBOTS:
-        raise InputError(f"{out}: {name} is a built-in robot; choose another folder name")
+    out = _new_folder(out, "--export")
     walks = robot.drive is None and bool(robot.joints)
     files = policy_files(robot) if walks else None
     for path in files or ():
@@ -106,3 +102,24 @@ def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
     exported = export_robot(robot, out.resolve(), files)
     done.values.update(out=str(out), robot=exported.name)
     done.lines.append(f"{out}: {exported.title} as a folder; use it as --robot {out}")
+
+
+def _import(urdf: Path, out: Path | None, done: _Done) -> None:
+    out = _new_folder(out, "--import")
+    todo, notes = import_urdf(urdf, out.resolve())
+    done.values.update(out=str(out), todo=todo, notes=notes)
+    left = f"; to use it, add {'; '.join(todo)}" if todo else f"; use it as --robot {out}"
+    done.lines += [*notes, f"{out}: {urdf.name} as a folder{left}"]
+
+
+def _new_folder(out: Path | None, option: str) -> Path:
+    """Return the folder to write a robot to; raise InputError if there is none or it is used."""
+    if out is None:
+        raise InputError(f"{option} requires --out, a folder whose name becomes the robot's name")
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        # An existing robot may have been edited by hand, so never overwrite it.
+        raise InputError(f"{out}: already exists; choose another folder or remove it first")
+    name = out.resolve().name
+    if name in ROBOTS:
+        raise InputError(f"{out}: {name} is a built-in robot; choose another folder name")
+    return out

@@ -106,7 +106,9 @@ def _with_help(record: type) -> type:
         shown: dict[str, Any] = {"help": texts.get(entry.name)}
         if entry.default is None:
             shown["help_behavior_hint"] = ""
-            (kind,) = (kind for kind in get_args(entry.type) if kind is not NoneType)
+            given = get_args(entry.type)
+            given = get_args(given[0]) if get_origin(entry.type) is Annotated else given
+            (kind,) = (kind for kind in given if kind is not NoneType)
             names = ",".join(get_args(kind))  # of a Literal
             shown["metavar"] = f"{{{names}}}" if names else kind.__name__.upper()
         described = Annotated[entry.type, tyro.conf.arg(**shown)]
@@ -118,7 +120,8 @@ def _with_help(record: type) -> type:
 
 def _option(entry: Field[Any]) -> str:
     """Return how a field is written as an option; empty for a positional argument."""
-    return "" if "Positional" in str(entry.type) else f"--{entry.name.replace('_', '-')}"
+    option = f"--{entry.name.rstrip('_').replace('_', '-')}"  # `import_` is the option --import
+    return "" if "Positional" in str(entry.type) else option
 
 
 def _stand_in(kind: Any) -> Any:
@@ -132,7 +135,7 @@ def _stand_in(kind: Any) -> Any:
 def option_names(record: type) -> set[str]:
     """Return how the options of a class of `pipeline.options` are written: `--out`, `--no-json`."""
     named = [entry for entry in fields(record) if "Positional" not in str(entry.type)]
-    words = {entry.name for entry in named} | {
+    words = {entry.name.rstrip("_") for entry in named} | {
         f"no_{f.name}" for f in named if "bool" in str(f.type)
     }
     return {f"--{word.replace('_', '-')}" for word in words | {"help"}}

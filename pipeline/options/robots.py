@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -13,7 +14,8 @@ class Robots(Printing):
     """List the robots: mass, height, camera, command limits, controllers and gait evaluation.
 
     Robots given by name are described in full. `--view h1` writes a turntable image and a walking
-    film strip; `--export aliengo` writes a robot as a folder, as a template for your own
+    film strip; `--export aliengo` writes a robot as a folder, as a template for your own;
+    `--import robot.urdf` writes a URDF as one and lists the values that you must add
     (docs/reference/robots.md).
     """
 
@@ -23,6 +25,8 @@ class Robots(Printing):
     """Write images of this robot to --out."""
     export: str | None = None
     """Write this robot as a folder to --out."""
+    import_: Annotated[Path | None, tyro.conf.arg(name="import")] = None
+    """Write this URDF as a robot folder to --out."""
     out: Path | None = None
     """Output folder of the images for --view (default: the current folder), or of the robot for
-    --export."""
+    --export and --import."""

@@ -139,7 +139,7 @@ ATTACKS = {
         lambda f: (f / "model.xml").write_text(
             '<robot name="go2"><mujoco><compiler meshdir="../m"/></mujoco></robot>'
         ),
-        "is a URDF; valid: MJCF.*link `world`.*floating",
+        "is a URDF; valid: MJCF.*--import robot.urdf",
     ),
     "an SDF": (lambda f: (f / "model.xml").write_text("<sdf/>"), "begins with 'sdf'; valid: MJCF"),
     "NaN mass": (insert('<geom size=".1" mass="nan"/>', "<camera"), "<geom mass='nan'> .*finite"),

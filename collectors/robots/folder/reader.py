@@ -13,7 +13,7 @@ from ..shapes import POSITION_INPUT
 from .facts import FACTS_NAME, FolderFacts
 from .model import MODEL_NAME, joined
 
-_SOLES = (
+SOLE_SHAPES = (
     mujoco.mjtGeom.mjGEOM_SPHERE,
     mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     mujoco.mjtGeom.mjGEOM_CYLINDER,
@@ -132,7 +132,7 @@ class ModelReader:
             for sole in foot.soles:
                 geom = self.model.geom(sole)
                 shape = mujoco.mjtGeom(int(geom.type[0]))
-                if shape not in _SOLES:
+                if shape not in SOLE_SHAPES:
                     kind = shape.name.removeprefix("mjGEOM_").lower()
                     raise self._wrong(
                         f"feet.{foot.name}.soles",

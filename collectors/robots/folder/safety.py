@@ -74,15 +74,49 @@ def check_model(path: Path) -> None:
         what = "is a URDF" if kind == "robot" else f"begins with {brief(kind)}"
         raise FileFormatError(
             path,
-            f"{what}; valid: MJCF (<mujoco>). MuJoCo converts a URDF: attach its base link to a "
-            "link `world` by a joint of type `floating`, open it and save it as MJCF "
-            "(docs/reference/robots.md)",
+            f"{what}; valid: MJCF (<mujoco>). `vlnpe robots --import robot.urdf --out FOLDER` "
+            "converts a URDF (docs/reference/robots.md)",
         )
-    count = _Checker(path.parent).count(path, path.name)
+    _check_count(path, _Checker(path.parent).count(path, path.name))
+
+
+def _check_count(path: Path, count: int) -> None:
     if count > MAX_ELEMENTS:
         raise FileFormatError(
             path, f"creates {count:,} elements, copies included; valid: up to {MAX_ELEMENTS:,}"
         )
+
+
+def check_urdf(path: Path) -> ElementTree.Element:
+    """Return a URDF's links and joints; its meshes are relative paths in its folder.
+
+    `package://name/path` is looked up in the folder as path, name/path and the file's name alone.
+
+    Raises:
+        FileFormatError: it is no URDF, a path leads out of the folder, or the model is too large.
+    """
+    whole = _parsed(path)
+    if whole.tag != "robot":
+        raise FileFormatError(path, f"begins with {brief(whole.tag)}; valid: URDF (<robot>)")
+    root = ElementTree.Element("robot", whole.attrib)
+    # Extensions of simulators, MuJoCo's own included, may refer to other files.
+    root.extend(part for part in whole if part.tag in ("link", "joint", "material"))
+    for mass in root.iter("mass"):
+        # MuJoCo would take a negative mass for no mass.
+        if any(number < 0 for number in numbers_in(mass.get("value", ""))):
+            raise FileFormatError(path, f"<mass value={mass.get('value')!r}>; valid: 0 or above")
+    for material in root.iter("material"):
+        for texture in material.findall("texture"):
+            material.remove(texture)
+    for mesh in root.iter("mesh"):
+        name = mesh.get("filename", "")
+        package, _, inner = name.removeprefix("package://").partition("/")
+        if name.startswith("package://"):
+            places = (inner, f"{package}/{inner}", Path(inner).name)
+            mesh.set("filename", next((p for p in places if (path.parent / p).is_file()), inner))
+    folder = path.parent.resolve()
+    _check_count(path, _Checker(folder)._count(path, root, {folder}, 0))
+    return root
 
 
 class _Checker:
@@ -157,10 +191,10 @@ class _Checker:
 
     def _check_number(self, path: Path, element: ElementTree.Element, key: str, value: str) -> None:
         what = f"<{element.tag} {key}={value[:60]!r}>"
-        if key not in _FREE_TEXT and not all(map(math.isfinite, _numbers(value))):
+        if key not in _FREE_TEXT and not all(map(math.isfinite, numbers_in(value))):
             raise FileFormatError(path, f"{what} contains numbers that are not finite")
         sized = element.tag in ("texture", "hfield") and key in _PIXELS
-        if sized and any(number > MAX_PIXELS for number in _numbers(value)):
+        if sized and any(number > MAX_PIXELS for number in numbers_in(value)):
             raise FileFormatError(path, f"{what} is too large; valid: up to {MAX_PIXELS} pixels")
         if element.tag == "size":
             raise FileFormatError(
@@ -196,11 +230,11 @@ def _copies(element: ElementTree.Element) -> int:
     """Return how many copies of its content an element creates."""
     if element.tag not in ("replicate", "composite", "flexcomp"):
         return 1
-    counts = [max(int(n), 1) for n in _numbers(element.get("count", "1"))]
+    counts = [max(int(n), 1) for n in numbers_in(element.get("count", "1"))]
     return math.prod(counts) if counts else 1
 
 
-def _numbers(value: str) -> Iterator[float]:
+def numbers_in(value: str) -> Iterator[float]:
     """Yield the numbers of an attribute that contains only numbers."""
     words = value.replace(",", " ").split()
     try:

@@ -170,9 +170,9 @@ def test_an_unknown_option_is_answered_with_one_line(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Also where arguments that the command needs are missing."""
-    assert main([name, "--foo_bar", "1"]) == 2
+    assert main([name, "--qux_zap", "1"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("vlnpe: error: unknown option '--foo_bar'; ")
+    assert line.startswith("vlnpe: error: unknown option '--qux_zap'; ")
     assert line.endswith(f"vlnpe {name} --help lists the valid ones")
 
 
