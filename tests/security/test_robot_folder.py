@@ -174,7 +174,8 @@ def test_files_inside_the_folder_are_read(rover: Path, tmp_path: Path):
     insert('<site name="inf"/>', "<camera")(rover)
     robot = get_robot(str(rover))
     assert robot.build_model().ngeom == 1 + 5 + 2 + 20  # the floor beneath it
-    copy = Path(keep(robot, tmp_path / "run"))
+    copy = keep(robot, tmp_path / "run").folder
+    assert copy is not None
     assert get_robot(str(copy)).content_sha256 == robot.content_sha256
     assert not any(path.is_symlink() for path in copy.rglob("*"))
 
