@@ -1,1 +1,1 @@
-"""Coverage-guided fuzzing of every reader of untrusted files."""
+"""Fuzzing of every reader of untrusted files with Hypothesis."""
