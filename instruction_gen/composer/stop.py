@@ -7,7 +7,7 @@ from ..facts.records import PassageFact, PathFacts
 from .records import Step, Taste
 from .refer import Reference, passing_candidates, stop_candidates
 
-_JUST_INSIDE_M = 2.0
+_JUST_INSIDE_M = 1.25
 _PAST_M = 2.5
 _IN_DOORWAY_M = 0.5
 
