@@ -7,7 +7,7 @@ from ..facts.records import PassageFact, PathFacts
 from .records import Step, Taste
 from .refer import Reference, passing_candidates, stop_candidates
 
-_JUST_INSIDE_M = 1.25
+_JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M = 2.5
 _IN_DOORWAY_M = 0.5
 
@@ -34,9 +34,11 @@ def stop_step(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
             side = "left" if mark.bearing_deg > 0 else "right"
         return Step("stop", length, side=side, mark=mark, place=place, room=facts.goal_room)
     visits = facts.visits
-    entered = bool(facts.passages) and length - facts.passages[-1].along_m <= _JUST_INSIDE_M
-    if entered:
+    since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
+    if since_door_m <= _JUST_INSIDE_M:
         return Step("stop", length, place="inside", room=entered_room(facts.passages[-1]))
+    if since_door_m <= _STEPS_INSIDE_M:
+        return Step("stop", length, place="after", far_m=1.0)
     if len(facts.goal_near_rooms) == 1 and facts.goal_near_rooms[0] not in (v.room for v in visits):
         return Step("stop", length, place="outside", room=facts.goal_near_rooms[0])
     passed = passing_candidates(facts, length - _PAST_M, length - 0.4, rng, taste.colours)
