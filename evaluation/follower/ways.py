@@ -11,6 +11,7 @@ _BACK = 16  # ancestors that are kept
 _NEW, _GAP, _OLD = 4, 7, 11  # cells: a heading over the last 4, and one from 11 to 7 before
 _LONG_GAP, _LONG_OLD = 12, 16
 _APART = 6  # cells between two turns to one side
+_EXITS = 5  # ways out of a room that are looked at, at most
 PENALTY = 1.0  # of a right angle that is walked but not mentioned
 
 Ids = NDArray[np.int64]
@@ -114,6 +115,22 @@ class Ways:
         while len(chain) <= count:
             chain.append(self._parent[chain[-1]])
         return chain
+
+
+def ways_from(world: World, start_m: Array, start_yaw_rad: float) -> list[Ways]:
+    """Return ways from a pose (2,) [m] and heading [rad]: the shortest, and by each way out.
+
+    The second and further sets leave the room of the start into one of its neighbours only.
+    """
+    start = np.asarray(start_m, dtype=np.float64)[:2]
+    room = int(world.region[world.cell(start)])
+    result = [Ways(world, world.cost, start, start_yaw_rad)]
+    beyond = {k: world.beside(room, k) for k in range(len(world.rooms)) if k != room}
+    exits = [k for k, cells in beyond.items() if cells.any()]
+    for exit_ in exits if 2 <= len(exits) <= _EXITS else ():
+        shut = np.any([beyond[k] for k in exits if k != exit_], axis=0)
+        result.append(Ways(world, np.where(shut, -1.0, world.cost), start, start_yaw_rad))
+    return result
 
 
 def _levels(parent: Ids) -> list[Ids]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,15 +18,11 @@ from ...instruction_gen.language.lexicon import ROOM_PHRASES
 from ...instruction_gen.language.nouns import called, noun_of
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 
-if TYPE_CHECKING:
-    from .ways import Ways
-
 Array = NDArray[np.float64]
 
 CELL_M = 0.15
 RADIUS_M = 0.22
 SIGHT_M = 7.0
-_EXITS = 5  # ways out of a room that are looked at, at most
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,6 @@ class World:
         self.things += [_thing(DOOR, d, regions) for d in doorways(regions, level, floor)]
         self._regions = regions
         self._gaps: dict[int, Array] = {}
-        self._ways: tuple[tuple[float, ...], list[Ways]] | None = None
 
     def cell(self, xy_m: Array) -> tuple[int, int]:
         """Return the free cell nearest to a point (2,) [m]."""
@@ -107,28 +102,7 @@ class World:
         row, column = np.unravel_index(int(np.argmin(gap)), gap.shape)
         return int(row), int(column)
 
-    def ways(self, start_m: Array, start_yaw_rad: float) -> list[Ways]:
-        """Return ways from a pose (2,) [m] and heading [rad]: the shortest, and by each way out.
-
-        The second and further sets leave the room of the start into one of its neighbours only.
-        """
-        from .ways import Ways
-
-        start = np.asarray(start_m, dtype=np.float64)[:2]
-        pose = (*self.cell(start), round(start_yaw_rad, 2))
-        if self._ways is None or self._ways[0] != pose:
-            home = int(self.region[self.cell(start)])
-            first = Ways(self, self.cost, start, start_yaw_rad)
-            made = [first]
-            beyond = {k: self._beside(home, k) for k in range(len(self.rooms)) if k != home}
-            exits = [k for k, cells in beyond.items() if cells.any()]
-            for wanted in exits if 2 <= len(exits) <= _EXITS else ():
-                shut = np.any([beyond[k] for k in exits if k != wanted], axis=0)
-                made.append(Ways(self, np.where(shut, -1.0, self.cost), start, start_yaw_rad))
-            self._ways = pose, made
-        return self._ways[1]
-
-    def _beside(self, home: int, other: int) -> NDArray[np.bool_]:
+    def beside(self, home: int, other: int) -> NDArray[np.bool_]:
         """Return the cells of region `other` that touch region `home`."""
         inside = self.region == home
         near = np.zeros_like(inside)

@@ -9,7 +9,7 @@ import numpy as np
 from ...instruction_gen.language.reader import read_text
 from ..follower.costs import prefix_costs
 from ..follower.goals import SubGoal, UnfollowableError, sub_goals
-from ..follower.ways import Ways
+from ..follower.ways import Ways, ways_from
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
 from .seen_map import Array, SeenMap
@@ -124,7 +124,7 @@ def choose_target(
         return None
     readings = [
         _Reading(ways, prefix_costs(goals, ways, world), weights.detour * (number > 0))
-        for number, ways in enumerate(world.ways(np.zeros(2), 0.0))
+        for number, ways in enumerate(ways_from(world, np.zeros(2), 0.0))
     ]
     end = _best_end(readings, len(goals), weights)
     if end is not None and end[1] <= weights.good + weights.patience * step:
