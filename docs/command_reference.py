@@ -33,7 +33,7 @@ def command_reference() -> str:
 
 def _prose(record: type) -> str:
     """Return a class's docstring, its indented example as a block of code."""
-    text = _linked(cleandoc(record.__doc__ or ""))
+    text = _linked(re.sub(r"<(?=\w)", r"\\<", cleandoc(record.__doc__ or "")))
     return re.sub(r"\n((?:  .*(?:\n|$))+)", r"\n\n```sh\n\1\n```\n", text)
 
 
@@ -73,7 +73,7 @@ def _name(one: Field[Any]) -> str:
     kind = get_args(one.type)[0] if get_origin(one.type) is Annotated else one.type
     if not _is_option(one):
         return f"`{one.name.upper()}`"
-    if kind is bool:
+    if kind is bool or set(get_args(kind)) == {bool, NoneType}:
         return f"`{option if one.default is False else option.replace('--', '--no-', 1)}`"
     kinds = [part for part in get_args(kind) or (kind,) if part is not NoneType]
     if get_origin(kind) is Literal:

@@ -52,7 +52,7 @@ def read_vlnce(
 
     Args:
         strict: raise for the first bad episode instead.
-        limits: of size, nesting and number of episodes; by default those of `core.limits`.
+        limits: of size, nesting and number of episodes; by default those of `untrusted.limits`.
 
     Raises:
         FileFormatError: the file is missing, unreadable or beyond a limit; a `scene_id` is absolute

@@ -68,12 +68,12 @@ class VlnceEpisode:
 
     @property
     def scene_stem(self) -> str:
-        """The scene's name without folders and file type: `mp3d/X/X.glb` → `X`."""
+        """The scene's name without folders and file type; `mp3d/X/X.glb` gives `X`."""
         return scene_stem(self.scene_id)
 
     @property
     def in_repaired_world(self) -> bool:
-        """Whether our writer made it: its coordinates then are those of the repaired world."""
+        """Whether our writer made it; then its coordinates are those of the repaired world."""
         return OUR_KEY in self.info
 
 

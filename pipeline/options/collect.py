@@ -66,4 +66,4 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     only_episodes: bool = False
     """Stop after scenes and instructed episodes are written, before any robot runs."""
     mcap: bool = True
-    """Also write one MCAP file with images per episode, for Foxglove."""
+    """Write one MCAP file with images per episode, for Foxglove (default), or not."""

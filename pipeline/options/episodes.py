@@ -13,7 +13,7 @@ from .shared import Clearance, Parallel, WalkedBy
 
 @dataclass(frozen=True)
 class Sampling(Clearance):
-    """Options of sampling that `sample` and `collect` share."""
+    """Sampling."""
 
     min_length_m: float = SampleConfig.min_length_m
     """Minimum geodesic distance from start to goal of sampled paths [m]; the reference path is

@@ -11,7 +11,7 @@ from ...trajectory_sampler.config import SampleConfig
 
 @dataclass(frozen=True, kw_only=True)
 class Printing:
-    """What a command prints at its end."""
+    """Output."""
 
     json: Annotated[bool, tyro.conf.arg(name="json")] = False
     """Print one JSON object with the result as the last line."""
@@ -27,7 +27,7 @@ class Parallel(Printing):
 
 @dataclass(frozen=True, kw_only=True)
 class Orientation:
-    """What a scan's file may not say about it."""
+    """Interpretation of a scan."""
 
     up: str = "auto"
     """Up axis of scans: x, y, z, -x, -y, -z, or auto to detect it."""

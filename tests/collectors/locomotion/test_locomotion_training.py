@@ -142,7 +142,8 @@ def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, m
     assert card.training["start"]["network_sha256"] == hashlib.sha256(first).hexdigest()
     # Half of it is between both.
     before, after = export.layers_of(robot, source), export.layers_of(robot, tmp_path)
-    assert encode_layers(*blended(before, after, 0.0)) == first
+    none = encode_layers(*blended(before, after, 0.0))
+    np.testing.assert_array_equal(act(none, observation), act(first, observation))
     half = encode_layers(*blended(before, after, 0.5))
     far = np.abs(act(half, observation) - act(first, observation)).max()
     assert 0.0 < far < 0.5

@@ -239,6 +239,7 @@ def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree
         (SplatRepairJob(Path("a.splat"), Path("out"), RepairConfig()), "msgpack", False),
         (SplatRepairJob(Path("a.usdz"), Path("out"), RepairConfig()), "msgpack", True),
         (ReplayJob(Path("s"), EPISODE, H1, Path("m"), Path("o")), EXTRA, False),
+        (ReplayJob(Path("s"), EPISODE, H1, Path("m"), Path("o")), "onnx", False),
         (ReplayJob(Path("s"), EPISODE, H1, Path("m"), Path("o")), "mujoco", True),
     ],
 )
