@@ -20,7 +20,11 @@ from .step_search import StepCost, TimedActions, Walk, search_steps
 # A motion this near to an exact action is one, in units of the action's displacement.
 _EXACT = 0.01
 # Searched one after another until the total turning agrees, each with so many prices of a turn.
-_COSTS = (StepCost(), StepCost(heading=0.15), StepCost(heading=1.5), StepCost(offset=0.3))
+_COSTS = (
+    *(StepCost(), StepCost(heading=0.15), StepCost(heading=1.5), StepCost(offset=0.3)),
+    # Swings just short of a turn add up to an end that no turn at all misses.
+    StepCost(heading=0.15, end_offset=4.0),
+)
 _PRICES = 6
 _END_M = 0.4  # tolerated distance between the ends, as one turn is of the total turning
 

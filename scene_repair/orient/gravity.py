@@ -28,6 +28,9 @@ SHELL = 0.12
 LEAST_ROOM = 0.3
 # Where things are says more than which way they face: normals made for point clouds may be wrong.
 FACING = 0.3
+# Less level area between floor and ceiling than this share of theirs is sills and the heads of doors
+# and windows, of which there are more heads: they are evidence in proportion only.
+FURNISHED = 0.08
 # Points spread over the surface, and cells along its longest side, that show where walls stand.
 POINTS, SIDE_CELLS = 60_000, 40
 # Upright surfaces that run on over this share of the height are walls.
@@ -239,7 +242,8 @@ def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
         return 0.0, "nothing stands between floor and ceiling"
     mean = float((share * area)[things].sum()) / weight
     facing = looks_in * float(signed[things].sum()) / weight
-    return 2.0 * (0.5 - mean) + FACING * facing, (
+    said = min(weight / (FURNISHED * shell), 1.0) if shell > 0 else 1.0
+    return said * (2.0 * (0.5 - mean) + FACING * facing), (
         f"what lies level between floor and ceiling is at {100 * mean:.0f} % of the height on "
         f"average, and {50 + 50 * facing:.0f} % of it looks up"
     )

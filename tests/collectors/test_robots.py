@@ -264,7 +264,8 @@ def test_servos_are_the_published_springs(robot: RobotSpec):
 @all_robots
 def test_default_pose_just_touches_the_floor_and_nothing_else(robot: RobotSpec):
     model, data, handles = standing(robot)
-    assert data.ncon == 0
+    # A soft layer of soles reaches the floor before they do, without a force.
+    assert all(contact.dist >= 0.0 for contact in data.contact)
     soles = data.geom_xpos[handles.sole_geoms, 2] - model.geom_rbound[handles.sole_geoms]
     assert np.all((soles >= 0.0) & (soles < 0.01))
     # Sunk by a centimetre it touches with its feet only.
