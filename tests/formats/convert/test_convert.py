@@ -259,7 +259,7 @@ def test_bad_mcap_files_are_named(tmp_path: Path, damage: str, reason: str) -> N
     ("damage", "reason"),
     [
         ("no info", "not a LeRobot dataset"),
-        ("v2.1", "LeRobot format v2.1"),
+        ("v2.1", r"LeRobot v2\.1; valid: LeRobot v3\.0"),
         ("fewer episodes", "3 episodes listed"),
         ("cut video", "rgb"),
         ("cut rows", "rows"),
