@@ -28,7 +28,7 @@ SHELL = 0.12
 LEAST_ROOM = 0.3
 # Where things are says more than which way they face: normals made for point clouds may be wrong.
 FACING = 0.3
-# Less level area between floor and ceiling than this share of theirs is sills and the heads of doors
+# Less level area between floor and ceiling than this share of theirs is sills and heads of doors
 # and windows, of which there are more heads: they are evidence in proportion only.
 FURNISHED = 0.08
 # Points spread over the surface, and cells along its longest side, that show where walls stand.
