@@ -143,8 +143,13 @@ def test_y_up_stays_up(name: str, generator: str, tmp_path: Path) -> None:
     assert (evidence["up"], evidence["doubts"]) == ("y", [])
 
 
-def test_an_empty_building_says_that_either_end_may_be_up(tmp_path: Path) -> None:
-    scan = read_scan(write(shell(), tmp_path / "a.obj"))
+@pytest.mark.parametrize("closed", [False, True], ids=["walls alone", "floor and ceiling"])
+def test_an_empty_building_says_that_either_end_may_be_up(closed: bool, tmp_path: Path) -> None:
+    # More heads of doors and windows than sills, all in the upper half.
+    heads = [box((x, 8.8, 2.1), (x + 1, 9, 2.2)) for x in range(1, 11, 2)]
+    slabs = [box((0, 0, -0.2), (12, 9, 0)), box((0, 0, 3), (12, 9, 3.2))]
+    parts = [*shell(), *heads, *slabs] if closed else shell()
+    scan = read_scan(write(parts, tmp_path / "a.obj"))
     evidence = orient(scan, RepairConfig()).evidence
     assert evidence["up"] == "z"
     assert any("which end" in doubt and "--up" in doubt for doubt in evidence["doubts"])
