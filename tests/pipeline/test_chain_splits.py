@@ -28,8 +28,10 @@ from vlnpe.trajectory_sampler.stairs import StairRules
 pytestmark = pytest.mark.slow
 
 QUOTAS = {"a": {"train": 2, "val_seen": 1}, "b": {"val_unseen": 1}}
-CONFIG = SampleConfig(min_length_m=4.0, min_gap_m=0.8, family_gap_m=1.0, relax=False)
-WORDING = episode_chain.Wording(InstructConfig(), "aliengo")
+CONFIG = SampleConfig(
+    min_length_m=4.0, min_gap_m=0.8, family_gap_m=1.0, relax=False, min_view_m=0.0
+)
+WORDING = episode_chain.Wording(InstructConfig(), get_robot("aliengo"))
 
 
 def start(root: Path, two_rooms, per_instruction: bool = False) -> tuple[Run, dict]:
@@ -50,7 +52,7 @@ def collect(run: Run, asked, scenes) -> Path:
     small = CameraOverrides(width_px=64, height_px=64)
     (view,) = chosen_views("ego", "baked", "embree", robot, small)
     product = rollout_chain.Product(4, Extras(False, False), False, "h264", "video")
-    rollout_chain.collect(run, asked, scenes, ("aliengo", "flash"), [view], product, {})
+    rollout_chain.collect(run, asked, scenes, (robot, "flash"), [view], product, {})
     return run.folder.root / "lerobot" / f"aliengo-flash-{view.name}"
 
 
