@@ -81,7 +81,7 @@ def test_the_scene_itself_records_it(unsound: tuple[Path, Path]) -> None:
 
 
 def test_decisions_are_reported(unsound: tuple[Path, Path]) -> None:
-    facts = facts_of(json.loads((unsound[1] / "scene_items.json").read_text()))
+    facts = facts_of(json.loads((unsound[1] / "repair.json").read_text()))
     text = "\n".join(scene_items.decisions(facts))
     for words in ("glTF is y up", "metres by its specification", "floor at 0.00 m", "20.0 m²"):
         assert words in text
@@ -117,7 +117,7 @@ def test_the_dataset_card_names_them() -> None:
         "fps": 4,
         "codebase_version": "v3.0",
         "features": {
-            key: {"dtype": "video", "shape": [4, 4, 3]}
+            key: {"dtype": "video", "shape": [4, 4, 3], "info": {"video.depth_max": 20.0}}
             for key in (DEPTH_KEY, *usage.INPUTS, *usage.OUTPUTS)
         },
     }
