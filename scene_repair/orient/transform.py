@@ -171,7 +171,9 @@ def _promised(
     # A building without floor and ceiling, seen from its side, has its walls for floors.
     stands = rival_closed >= closed / ENCLOSED
     doubtful = on_its_side or (rooms and stands and lead >= 1.0 / NARROW_LEAD)
-    overruled = (lead >= least and stands and not bare) or (doubtful and scan.converted)
+    overruled = (lead >= least and stands and not bare) or (
+        doubtful and scan.converted and (on_its_side or lead >= 1.0)
+    )
     exact, evidence, _ = _signed(scan, surfaces, refine(surfaces, best))
     name = _axis_of(exact)
     if on_its_side:

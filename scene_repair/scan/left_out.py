@@ -15,6 +15,8 @@ from .record import Scan
 
 # What is so many times as long as all the rest together dwarfs it.
 DWARF = 8.0
+# What is left as the building has at least so many faces, and this share of all.
+LEAST_FACES, LEAST_SHARE = 12, 0.01
 # As many parts at most make a sky and its ground.
 MOST_PARTS = 50
 # A room's walls lie this near to the rest, in its lengths; a ground has no more than this share of
@@ -94,6 +96,14 @@ def _dwarfing(scan: Scan, piece: NDArray[np.int64], count: int) -> NDArray[np.in
     for cut in cuts[::-1]:
         middle = 0.5 * (low[cut] + high[cut])
         large = np.isin(piece, order[:cut])
+        # Crumbs of a scan are no building.
+        if (~large).sum() < max(LEAST_FACES, LEAST_SHARE * len(large)):
+            continue
+        # A sky or a ground lies around a building, not beside it as a stray piece does.
+        first, last = lower[order[:cut]].min(axis=0), upper[order[:cut]].max(axis=0)
+        across = np.argsort(last - first)[1:]  # a ground is thin in the third direction
+        if ((middle < first) | (middle > last))[across].any():
+            continue
         if not _has_rooms(corners[large], middle, float(rest[cut])):
             return order[:cut]
     return np.empty(0, dtype=np.int64)
