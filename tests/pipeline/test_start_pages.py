@@ -1,5 +1,6 @@
 """The pages of docs/start can be followed from top to bottom."""
 
+import os
 import shlex
 import subprocess
 from collections.abc import Callable
@@ -52,8 +53,11 @@ def _expanded(word: str) -> list[str]:
 def _run(words: list[str]) -> None:
     """Run a command of a page; what installs packages or is not ours is left out."""
     if words[:2] == ["make", "collect"]:
-        said = subprocess.check_output(["make", "-n", *words[1:]], cwd=ROOT, text=True)
-        words = shlex.split(said.splitlines()[-1].removeprefix(".venv/bin/"))
+        alone = {name: value for name, value in os.environ.items() if not name.startswith("MAKE")}
+        command = ["make", "--no-print-directory", "-n", *words[1:]]
+        lines = subprocess.check_output(command, cwd=ROOT, text=True, env=alone).splitlines()
+        words = shlex.split(lines[-1].removeprefix(".venv/bin/"))
+        assert words[0] == "vlnpe", lines
     if words[0] in ("mkdir", "cp"):
         subprocess.check_call(words)
     elif words[0] == "vlnpe":
