@@ -63,8 +63,8 @@ def facts_of(root: Path, info: dict[str, Any]) -> DatasetFacts:
             _megabytes(info["data_files_size_in_mb"]),
             _megabytes(info["video_files_size_in_mb"]),
         )
-        depth_storage = info["features"][DEPTH_KEY]["dtype"]
-    except (ValueError, KeyError, TypeError, OverflowError) as error:
+        depth_storage = info["features"].get(DEPTH_KEY, {}).get("dtype", "video")
+    except (AttributeError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(root / INFO_PATH, f"damaged: {error!r}") from error
     front = _card_front(root / "README.md")
     return DatasetFacts(

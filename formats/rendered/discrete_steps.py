@@ -51,14 +51,14 @@ def planar_poses(state: NDArray) -> NDArray[np.float64]:
     return np.column_stack([state[:, :2].astype(np.float64), quat_to_yaw(state[:, 3:7])])
 
 
-def total_turning(yaw_rad: NDArray[np.float64]) -> float:
+def total_turning(yaw_rad: NDArray[np.float64], turn_rad: float = TURN_STEP_RAD) -> float:
     """Return the sum of all swings [rad] of a heading (N,), N ≥ 1, wrapped or not.
 
     A swing is a change between two extremes of at least one turn action; what is smaller, as a
     gait's sway, belongs to the swing around it.
     """
     yaw_rad = np.unwrap(yaw_rad).astype(np.float64)
-    least = TURN_STEP_RAD - 1e-6
+    least = turn_rad - 1e-6
     total, low, high = 0.0, float(yaw_rad[0]), float(yaw_rad[0])
     sense = 0
     for yaw in yaw_rad.tolist():
@@ -75,30 +75,31 @@ def total_turning(yaw_rad: NDArray[np.float64]) -> float:
     return total + (high - low if sense else 0.0)
 
 
-def discrete_steps(poses: NDArray[np.float64]) -> DiscreteSteps:
+def discrete_steps(poses: NDArray[np.float64], turn_rad: float = TURN_STEP_RAD) -> DiscreteSteps:
     """Divide a walk into discrete steps.
 
     A walk that consists of whole discrete actions, one per frame, gives these very actions.
 
     Args:
         poses: (N, 3) x, y [m] and yaw [rad] at each frame, N ≥ 1.
+        turn_rad: angle of LEFT and RIGHT.
     """
     walk = np.asarray(poses, np.float64).copy()
     walk[:, 2] = np.unwrap(walk[:, 2])
-    taken = _whole_actions(walk)
+    taken = _whole_actions(walk, turn_rad)
     if taken is None:
-        taken = _nearest_actions(walk)
+        taken = _nearest_actions(walk, turn_rad)
     actions = np.append(taken.action, int(Action.STOP))
-    before = execute(actions, walk[0])[:-1]
-    return DiscreteSteps(_frames(walk, before, taken.frame), actions, before)
+    before = execute(actions, walk[0], turn_rad)[:-1]
+    return DiscreteSteps(_frames(walk, before, taken.frame, turn_rad), actions, before)
 
 
-def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
+def _whole_actions(walk: NDArray[np.float64], turn_rad: float) -> TimedActions | None:
     """Return the actions of a walk with one exact action or none after each frame, else None."""
     dx, dy, turned = np.diff(walk, axis=0).T
     c, s = np.cos(walk[:-1, 2]), np.sin(walk[:-1, 2])
     motion = np.column_stack([c * dx + s * dy, c * dy - s * dx, turned])
-    motion /= (FORWARD_STEP_M, FORWARD_STEP_M, TURN_STEP_RAD)
+    motion /= (FORWARD_STEP_M, FORWARD_STEP_M, turn_rad)
     known = {None: (0, 0, 0), Action.FORWARD: (1, 0, 0), Action.LEFT: (0, 0, 1)}
     known |= {Action.RIGHT: (0, 0, -1)}
     off = np.abs(motion[:, None] - np.array(list(known.values()))).max(axis=2)
@@ -110,21 +111,21 @@ def _whole_actions(walk: NDArray[np.float64]) -> TimedActions | None:
     return TimedActions(values[which[at]].astype(np.int64), (at + 1.0).astype(np.float64))
 
 
-def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:
+def _nearest_actions(walk: NDArray[np.float64], turn_rad: float) -> TimedActions:
     """Return actions that follow a walk closely and turn about as much.
 
     The dearer a turn, the fewer there are, so its price is bisected. Turns come and go in groups,
     at prices that depend on the weight of the heading.
     """
-    nodes, wanted = Walk.of(walk), total_turning(walk[:, 2])
+    nodes, wanted = Walk.of(walk, turn_rad), total_turning(walk[:, 2], turn_rad)
     best, least = None, math.inf  # the actions with the least misfit; 1 is what is tolerated
     for cost in _COSTS:
         low, high = 0.0, math.inf
         for _ in range(_PRICES):
             taken = search_steps(nodes, cost)
-            excess = TURN_STEP_RAD * float((taken.action != Action.FORWARD).sum()) - wanted
-            end = execute(taken.action, walk[0])[-1]
-            misfit = max(abs(excess) / TURN_STEP_RAD, math.dist(end[:2], walk[-1, :2]) / _END_M)
+            excess = turn_rad * float((taken.action != Action.FORWARD).sum()) - wanted
+            end = execute(taken.action, walk[0], turn_rad)[-1]
+            misfit = max(abs(excess) / turn_rad, math.dist(end[:2], walk[-1, :2]) / _END_M)
             if misfit < least - 1e-6:
                 best, least = taken, misfit
             if least <= 0.5:
@@ -139,7 +140,10 @@ def _nearest_actions(walk: NDArray[np.float64]) -> TimedActions:
 
 
 def _frames(
-    walk: NDArray[np.float64], before: NDArray[np.float64], complete: NDArray[np.float64]
+    walk: NDArray[np.float64],
+    before: NDArray[np.float64],
+    complete: NDArray[np.float64],
+    turn_rad: float,
 ) -> NDArray[np.int64]:
     """Return the frame (M,) that shows best what an agent sees before each action.
 
@@ -158,15 +162,19 @@ def _frames(
         low = min(max(first, math.floor(start)), max(last - 1, 0))
         near = walk[low : max(min(math.ceil(stop) - 1, last - 1), low) + 1]
         off = np.hypot(*(near[:, :2] - pose[:2]).T) / FORWARD_STEP_M
-        first = low + int(np.argmin(off + np.abs(near[:, 2] - pose[2]) / TURN_STEP_RAD))
+        first = low + int(np.argmin(off + np.abs(near[:, 2] - pose[2]) / turn_rad))
         frames.append(first)
     return np.array([*frames, last])
 
 
-def execute(actions: NDArray[np.int64], start_xy_yaw: NDArray[np.float64]) -> NDArray[np.float64]:
+def execute(
+    actions: NDArray[np.int64],
+    start_xy_yaw: NDArray[np.float64],
+    turn_rad: float = TURN_STEP_RAD,
+) -> NDArray[np.float64]:
     """Return poses (M + 1, 3), x, y [m] and unwrapped yaw [rad], through which M actions lead."""
     turns = np.select([actions == Action.LEFT, actions == Action.RIGHT], [1.0, -1.0], 0.0)
-    yaw = start_xy_yaw[2] + TURN_STEP_RAD * np.concatenate([[0.0], np.cumsum(turns)])
+    yaw = start_xy_yaw[2] + turn_rad * np.concatenate([[0.0], np.cumsum(turns)])
     steps = FORWARD_STEP_M * (actions == Action.FORWARD)[:, None]
     steps = steps * np.stack([np.cos(yaw[:-1]), np.sin(yaw[:-1])], axis=1)
     xy = start_xy_yaw[:2] + np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])

@@ -30,7 +30,7 @@ class StepCost:
 
     Attributes:
         offset: squared distance [0.25 m] between agent and robot, per action's worth of motion.
-        heading: squared difference of heading [15°], per action's worth of motion.
+        heading: squared difference of heading [turns], per action's worth of motion.
         turn: each turn.
         end_offset: squared distance at the end.
         end_heading: squared difference of heading at the end.
@@ -62,20 +62,22 @@ class Walk:
 
     Attributes:
         frame: (T,) float64 time of each node, in frames since the first.
-        pose: (T, 3) float64 x, y [0.25 m] and heading [15°] in the first pose's frame.
+        pose: (T, 3) float64 x, y [0.25 m] and heading [turns] in the first pose's frame.
         motion: (T,) float64 motion since the node before, in actions.
+        turn_rad: angle of a turn action.
     """
 
     frame: NDArray[np.float64]
     pose: NDArray[np.float64]
     motion: NDArray[np.float64]
+    turn_rad: float
 
     @staticmethod
-    def of(poses: NDArray[np.float64]) -> "Walk":
+    def of(poses: NDArray[np.float64], turn_rad: float = TURN_STEP_RAD) -> "Walk":
         """Divide the walk through poses (N, 3), x, y [m] and unwrapped yaw [rad], N ≥ 1."""
         c, s = np.cos(poses[0, 2]), np.sin(poses[0, 2])
         xy = (poses[:, :2] - poses[0, :2]) @ np.array([[c, -s], [s, c]]) / FORWARD_STEP_M
-        units = np.column_stack([xy, (poses[:, 2] - poses[0, 2]) / TURN_STEP_RAD])
+        units = np.column_stack([xy, (poses[:, 2] - poses[0, 2]) / turn_rad])
         moved = np.abs(np.diff(units, axis=0))
         motion = np.hypot(moved[:, 0], moved[:, 1]) + moved[:, 2]
         parts = np.maximum(np.ceil(motion / _MOTION_PER_NODE), 1).astype(np.int64)
@@ -86,23 +88,24 @@ class Walk:
         frame = np.concatenate([[0.0], np.repeat(np.arange(len(parts)), parts) + done])
         at = np.arange(len(units))
         pose = np.stack([np.interp(frame, at, column) for column in units.T], axis=1)
-        return Walk(frame, pose, np.concatenate([[0.0], np.repeat(motion / parts, parts)]))
+        return Walk(
+            frame, pose, np.concatenate([[0.0], np.repeat(motion / parts, parts)]), turn_rad
+        )
 
 
 def search_steps(walk: Walk, cost: StepCost) -> TimedActions:
     """Find the actions that follow `walk` at the least cost."""
     weights = np.array([cost.offset, cost.heading, cost.turn, cost.end_offset, cost.end_heading])
-    taken = _search(walk.pose, walk.motion, weights)
+    taken = _search(walk.pose, walk.motion, weights, walk.turn_rad)
     at = np.flatnonzero(taken)
     return TimedActions(taken[at].astype(np.int64), walk.frame[at])
 
 
 @kernel()
-def _search(pose, motion, weights):
+def _search(pose, motion, weights, turn_rad):
     """Return the action (T,) taken at each node of a walk, 0 for none."""
     nodes, half = len(pose), _CELLS // 2
     states = _HEADINGS * _CELLS * _CELLS
-    turn_rad = TURN_STEP_RAD
     parent = np.full((nodes, states), -1, np.int32)
     action = np.zeros((nodes, states), np.uint8)
     cost, new_cost = np.full(states, np.inf), np.empty(states)

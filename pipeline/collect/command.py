@@ -5,7 +5,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError, did_you_mean
+from ...formats.core.errors import InputError, check_name, did_you_mean
+from ...formats.trainers.registry import LAYOUTS
 from ...formats.video.mp4 import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...rendering.camera.extras import Extras
@@ -55,6 +56,7 @@ def run(options: Collect) -> int:
         options.rgb_codec,
         options.depth,
         options.mcap,
+        _also(options.also),
     )
     drawing = (options.camera, options.light, options.renderer)
     overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
@@ -133,6 +135,14 @@ def run(options: Collect) -> int:
             )
         page = report.write(folder, context, current.summaries)
     return show_summary(folder, current.summaries, page, options)
+
+
+def _also(text: str) -> tuple[str, ...]:
+    """Return the layouts of `--also navila,streamvln`; raise UnknownNameError for another name."""
+    names = tuple(dict.fromkeys(part.strip() for part in text.split(",") if part.strip()))
+    for name in names:
+        check_name("layout", name, LAYOUTS)
+    return names
 
 
 def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:

@@ -6,14 +6,17 @@ from functools import partial
 from typing import Any
 
 from ...collectors.robots import RobotSpec
+from ...formats.convert.dataset import read_facts
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
+from ...formats.trainers.registry import LAYOUTS
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import View
 from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..engine.runner import WorkItem
 from ..inputs.crews import Crew, action_timing, robot_of_run
+from ..stages.convert.layout_items import layout_items
 from ..stages.datasets import export_items as export
 from ..stages.datasets.export_job import UnitJob
 from ..stages.datasets.mcap_job import McapJob
@@ -38,6 +41,7 @@ class Product:
         only_success: leave failures out of the export; they are rendered in any case.
         rgb_codec: key of `formats.video.RGB_CODECS`.
         depth_storage: what `export.check_depth_storage` takes.
+        also: layouts of trainers, keys of `LAYOUTS`.
     """
 
     frames_per_second: int
@@ -46,6 +50,7 @@ class Product:
     rgb_codec: str
     depth_storage: str
     mcap: bool = True
+    also: tuple[str, ...] = ()
 
 
 def select_current(
@@ -75,7 +80,8 @@ def select_current(
             pass
         for stage in (replay.STAGE, render.STAGE, export.STAGE, export.MCAP_STAGE):
             ledger.select(stage, scope, ())
-        ledger.select(export.DATASET_STAGE, f"{robot}-{label}-", ())
+        for stage in (export.DATASET_STAGE, *LAYOUTS):
+            ledger.select(stage, f"{robot}-{label}-", ())
 
 
 def collect(
@@ -136,6 +142,30 @@ def collect(
             {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
         )
         run.summaries.extend(summaries)
+        _write_layouts(run, dataset, summaries[0].good(), product.also)
+
+
+def _write_layouts(
+    run: Run, dataset: export.Dataset, units: Mapping[str, Row], layouts: Sequence[str]
+) -> None:
+    """Write the layouts of trainers from the units of a dataset; those not in `layouts` lapse."""
+    for layout in LAYOUTS:
+        scope = f"{dataset.name}/"
+        if layout not in layouts or not units:
+            run.context.ledger.select(layout, scope, ())
+            continue
+        facts = read_facts(dataset.lerobot)
+        held_out = facts.provenance.get("held_out_scenes", ())
+        items = layout_items(
+            layout,
+            units,
+            run.folder.root,
+            dataset.name,
+            held_out=held_out,
+            licence=facts.licence,
+        )
+        run.stage(layout, items, scope)
+        run.context.ledger.discard(layout, scope)
 
 
 def _renders(

@@ -1,14 +1,16 @@
 """Commands for existing data: `convert` between formats, `restore` after LeRobot's tools."""
 
 from ...formats.convert.restore import restore
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
+from ...formats.trainers.registry import LAYOUTS
 from ...formats.video.mp4 import check_rgb_codec
 from ..context import open_context
 from ..options.convert import Convert, Restore
 from ..stages.convert import items as convert
 from ..stages.convert import source as convert_source
+from ..stages.convert.layout_items import check_balance, histograms
 from ..summary import joined, print_result, stage_table
 
 
@@ -18,21 +20,34 @@ def run_convert(options: Convert) -> int:
     Raises:
         InputError: If the source cannot be used, or an option is invalid.
     """
-    chosen = _options(options)
-    source = convert_source.detect(options.source)
-    target = convert_source.Kind(options.to)
-    if source.kind is target:
+    chosen, target = _options(options), options.to
+    check_name("format", target, (*convert_source.Kind, *LAYOUTS))
+    if target in LAYOUTS:
+        check_balance(target, options.balance)
+    if options.from_ in LAYOUTS:
+        raise InputError(f"--from {options.from_}: this layout {convert_source.LACKS_POSES}")
+    sources = convert_source.detect_all(options.source)
+    kinds = sorted({str(source.kind) for source in sources})
+    if options.from_ and [options.from_] != kinds:
+        check_name("format", options.from_, (*convert_source.Kind, *LAYOUTS))
+        raise InputError(f"--from {options.from_}: {options.source} has the format {kinds[0]}")
+    if kinds == [target]:
         raise InputError(f"{options.source} already has the format {target}; choose another --to")
+    summaries, written = [], []
     with open_context(options.out, options) as context:
-        summaries, written = convert.run(context, source, target, chosen)
+        for source in sources:
+            done, paths = convert.run(context, source, target, chosen, options.balance)
+            summaries += done
+            written += paths
     quarantined = sum(s.quarantined for s in summaries)
-    code = int(quarantined > options.max_failed)
+    code = int(quarantined > options.max_failed or not written)
     facts = {
         "written": [str(path) for path in written],
         "stages": {s.stage: s.counts() for s in joined(summaries)},
         "exit_code": code,
     }
-    lines = [f"\n{stage_table(summaries)}\n", *(f"written to {path}" for path in written)]
+    lines = [f"\n{stage_table(summaries)}", *histograms(summaries), ""]
+    lines += [f"written to {path}" for path in written]
     if quarantined:
         reasons = options.out / "quarantine.json"
         lines.append(f"{quarantined} items were quarantined; see {reasons} for the reasons")

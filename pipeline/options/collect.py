@@ -67,3 +67,6 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     """Stop after scenes and instructed episodes are written, before any robot runs."""
     mcap: bool = True
     """Write one MCAP file with images per episode, for Foxglove (default), or not."""
+    also: str = ""
+    """Layouts of trainers to write as well, comma-separated: navila, streamvln, internvla-n1,
+    navdp, uni-navid, sharegpt; see `vlnpe convert`."""

@@ -42,9 +42,9 @@ def command_line(options: Any) -> str:
         elif value is True or value is False:
             words.append(f"--{'' if value else 'no-'}{entry.name.replace('_', '-')}")
         elif isinstance(value, tuple | list):
-            words += [f"--{entry.name.replace('_', '-')}", *map(str, value)]
+            words += [_option(entry), *map(str, value)]
         else:
-            words += [f"--{entry.name.replace('_', '-')}", str(value)]
+            words += [_option(entry), str(value)]
     return f"cd {shlex.quote(str(Path.cwd()))} && {shlex.join(words)}"
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import tyro
 
@@ -12,21 +12,29 @@ from .shared import Printing
 
 @dataclass(frozen=True)
 class Convert(Running):
-    """Convert recorded episodes between MCAP, LeRobot v3 and InternData-N1's layout.
+    """Convert recorded episodes between formats, and into the layouts that VLN models train on.
 
     MCAP ↔ LeRobot is lossless: RGB video packets are copied. The N1 layout stores decoded pixels:
-    converting back re-encodes RGB, and depth is limited to 10 m.
+    converting back re-encodes RGB, and depth is limited to 10 m. The layouts of trainers hold
+    discrete steps and cannot be converted back.
     """
 
     source: tyro.conf.Positional[Path]
-    """Folder of .mcap files, a single .mcap file, LeRobot v3 dataset, or InternData-N1 VLN-PE
-    data."""
-    to: Literal["mcap", "lerobot", "n1"]
-    """Format to write."""
+    """Run folder, LeRobot v3 dataset, folder of .mcap files, a single .mcap file, or InternData-N1
+    VLN-PE data."""
+    to: str
+    """Format to write: mcap, lerobot, n1, or the layout of a trainer: navila, streamvln,
+    internvla-n1, navdp, uni-navid, sharegpt."""
+    from_: Annotated[str, tyro.conf.arg(name="from")] = ""
+    """Format of the source; by default it is detected."""
     out: Path = Path("converted")
     """Output folder; episodes are written to <to>/<name>/ in it."""
     licence: str = "unknown"
     """Licence to record for data that does not state one."""
+    balance: str = ""
+    """Layouts with a record per answer: how often kinds of answers occur. natural, navila (equally
+    often), uni-navid (3.5 : 2 : 2 : 1.5), or shares: forward=3.5,left=2,right=2,stop=1.5. Records
+    of rare kinds are repeated, and none is dropped. By default that of the layout's authors."""
     vocabulary: Path | None = None
     """N1: VLN-CE episode file whose vocabulary defines the instruction tokens; by default, the
     vocabulary is built from the dataset's own words."""

@@ -11,6 +11,7 @@ from ....formats.internnav import layout
 from ....formats.internnav.tokens import own_vocabulary, read_vocabulary
 from ....formats.internnav.writer import SceneEpisode, share_instructions
 from ....formats.lerobot import EpisodeUnit, read_episode_unit
+from ....formats.trainers.registry import LAYOUTS
 from ...engine.ledger import Row
 from ...engine.runner import Context, StageSummary, run_stage
 from ...engine.work import WorkItem, work_item
@@ -22,15 +23,23 @@ from .jobs import (
     UnitsDatasetJob,
     source_note,
 )
+from .layout_items import check_source, layout_items
 from .source import UNIT_STAGE, Source, unit_items
 
 log = logging.getLogger(__name__)
 
 
 def run(
-    context: Context, source: Source, target: Kind, options: Options
+    context: Context,
+    source: Source,
+    target: str,
+    options: Options,
+    balance: str = "",
 ) -> tuple[list[StageSummary], list[Path]]:
     """Convert all episodes; return the stages' summaries and what was written.
+
+    Args:
+        target: One of `Kind` or of `LAYOUTS`.
 
     Raises:
         InputError: the source is unusable, or holds several robots.
@@ -42,18 +51,26 @@ def run(
         summaries.append(units)
         rows = dict(sorted(units.good().items()))
         _check_alike(rows)
+        first = next(iter(rows.values()))
+        check_source(target, name, read_episode_unit(root / first.outputs[0]))
         _warn_of_doubts(rows)
         folder = root / target / name
-        if target is Kind.LEROBOT:
+        if target in LAYOUTS:
+            last = layout_items(target, rows, root, name, balance)
+        elif target == Kind.LEROBOT:
             last = [_dataset_item(rows, root, folder, name, source, options)]
-        elif target is Kind.MCAP:
+        elif target == Kind.MCAP:
             last = _mcap_items(rows, root, folder)
         else:
             last = _scene_items(rows, root, folder, name, options)
             context.ledger.record([folder / layout.VOCABULARY_NAME])
-        summaries.append(run_stage(context, str(target), last, f"{name}/"))
-        context.ledger.discard(str(target), f"{name}/")
-        written.append(folder)
+        summaries.append(run_stage(context, target, last, f"{name}/"))
+        context.ledger.discard(target, f"{name}/")
+        written += (
+            sorted({root / o for item in last for o in item.outputs})
+            if target in LAYOUTS
+            else [folder]
+        )
     return summaries, written
 
 

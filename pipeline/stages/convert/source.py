@@ -10,11 +10,16 @@ from ....formats.core.errors import FileFormatError
 from ....formats.internnav import layout
 from ....formats.internnav.reader import dataset_folders, find_scenes, is_layout
 from ....formats.lerobot.info import read_info
+from ....formats.trainers.subset import ANNOTATIONS_NAME
 from ....formats.untrusted.files import check_input
 from ...engine.work import Job, WorkItem, digest, work_item
 from .jobs import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options
 
 UNIT_STAGE = "unit"
+LACKS_POSES = (
+    "lacks the robot's poses and the times of its frames: it cannot be converted back; convert "
+    "the run or dataset that it was written from"
+)
 
 
 @dataclass(frozen=True)
@@ -29,6 +34,18 @@ class Source:
     path: Path
     kind: Kind
     name: str
+
+
+def detect_all(path: Path) -> list[Source]:
+    """Return what `path` contains: the datasets of a run, or one dataset.
+
+    Raises:
+        FileFormatError: nothing that can be converted.
+    """
+    datasets = sorted(path.glob("lerobot/*/meta/episodes")) if path.is_dir() else []
+    if datasets:
+        return [detect(found.parents[1]) for found in datasets]
+    return [detect(path)]
 
 
 def detect(path: Path) -> Source:
@@ -51,9 +68,11 @@ def detect(path: Path) -> Source:
         return Source(path, Kind.N1, name)
     for folder in dataset_folders(path):
         read_info(folder)  # says which version of LeRobot it is
+    if (path / ANNOTATIONS_NAME).is_file():
+        raise FileFormatError(path, f"a layout of a trainer, which {LACKS_POSES}")
     raise FileFormatError(
         path,
-        "nothing to convert; valid: a folder of .mcap files, a LeRobot v3 dataset, "
+        "nothing to convert; valid: a run, a folder of .mcap files, a LeRobot v3 dataset, "
         "InternData-N1's VLN-PE layout",
     )
 

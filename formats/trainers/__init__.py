@@ -1,0 +1,1 @@
+"""Layouts that VLN models train on, written from episode units; see docs/reference/layouts.md."""

@@ -1,0 +1,171 @@
+"""Stages named like the layouts of trainers: episode units to `<layout>/<subset>/`."""
+
+import logging
+import re
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from ....formats.convert.episodes import joint_facts
+from ....formats.core.errors import InputError
+from ....formats.core.rollout import EndReason
+from ....formats.internnav.layout import scene_name
+from ....formats.internnav.writer import share_instructions
+from ....formats.lerobot import read_episode_unit
+from ....formats.lerobot.layout import DEPTH_KEY
+from ....formats.lerobot.splits import TRAIN, published_split
+from ....formats.lerobot.unit import EpisodeUnit
+from ....formats.trainers.answers import Histogram, parse_balance
+from ....formats.trainers.registry import LAYOUTS
+from ....formats.trainers.subset import Subset, table
+from ....formats.trainers.walks import WalkSource
+from ...engine.ledger import Row
+from ...engine.runner import StageSummary
+from ...engine.work import WorkItem, work_item
+from .layout_job import LayoutJob
+
+log = logging.getLogger(__name__)
+
+SLOWEST_RATE = 4  # frames/s; at fewer a robot makes several steps from one frame to the next
+SEEN_SPLIT = "val_seen"  # published with other paths of the scenes that train
+
+
+def check_balance(name: str, balance: str) -> None:
+    """Check a balance for the layout `name`; an empty one is the layout's own.
+
+    Raises:
+        InputError: If there is no such balance, or the layout's records cannot be repeated.
+    """
+    if balance and parse_balance(balance) and not LAYOUTS[name].balance:
+        balanced = ", ".join(n for n, other in LAYOUTS.items() if other.balance)
+        raise InputError(
+            f"--balance {balance}: {name} has one record per episode, which its trainer divides; "
+            f"valid: natural, or one of the layouts {balanced}"
+        )
+
+
+def layout_items(
+    name: str,
+    rows: Mapping[str, Row],
+    root: Path,
+    dataset: str,
+    balance: str = "",
+    *,
+    held_out: Collection[str] = (),
+    licence: str | None = None,
+) -> list[WorkItem]:
+    """Return the items that write one dataset's episodes in a layout.
+
+    Args:
+        name: Key of `LAYOUTS`.
+        rows: Of stages that write units, by item.
+        root: The ledger's folder; output goes to `<root>/<name>/<subset>/`.
+        dataset: Name of the dataset; what is not for training gets `-<split>` appended.
+        balance: What `check_balance` takes; it is for training only.
+        held_out: Scenes whose training episodes validate, if the units do not know yet.
+        licence: Licence of the data; None takes what the units say.
+
+    Raises:
+        InputError: If a path is in two splits, or a scene trains and validates.
+    """
+    layout = LAYOUTS[name]
+    left_out: dict[tuple[str, str], Counter[str]] = {}
+    good: list[tuple[tuple[str, str], str, EpisodeUnit]] = []
+    for row in rows.values():
+        unit = replace(read_episode_unit(root / row.outputs[0]), statistics={}, features={})
+        columns = unit.columns
+        split = published_split(columns["split"], columns["scene_id"], held_out)
+        level = f"-level{columns['level']}" if columns["level"] else ""
+        group = (split, _file_name(columns["scene_id"]) + level if layout.per_scene else "")
+        if reason := _why_left_out(unit):
+            left_out.setdefault(group, Counter())[reason] += 1
+        else:
+            good.append((group, row.key, unit))
+    if not good:
+        counts = ", ".join(f"{n} {why}" for c in left_out.values() for why, n in c.items())
+        log.warning("%s: no episode to write as %s; left out: %s", dataset, name, counts)
+        return []
+    _check_splits([(group[0], unit.columns) for group, _, unit in good])
+    if licence is None:
+        licence = joint_facts([u.folder for *_, u in good], dataset, "unknown", None).licence
+    members: dict[tuple[str, str], list[tuple[str, WalkSource]]] = {}
+    texts = share_instructions([unit for *_, unit in good])
+    for number, ((group, key, unit), own) in enumerate(zip(good, texts, strict=True)):
+        prefix = f"{_file_name(unit.columns['scene_id'])}_{_file_name(unit.robot)}"
+        source = WalkSource(unit.folder, f"{prefix}_{number:06d}", own)
+        members.setdefault(group, []).append((key, source))
+    result = []
+    for (split, scene), chosen in members.items():
+        named = dataset if split == TRAIN else f"{dataset}-{split}"
+        used = (balance or layout.balance if split == TRAIN else "") or "natural"
+        dropped = left_out.get((split, scene), {})
+        subset = Subset(named, parse_balance(used), used, licence, dropped)
+        out = root / name / named / scene if scene else root / name / named
+        job = LayoutJob(name, tuple(source for _, source in chosen), subset, out)
+        inputs = ([(key, source.key, source.texts) for key, source in chosen], subset)
+        item = f"{dataset}/{split}/{scene}".rstrip("/")
+        result.append(work_item(name, item, job, (out,), *inputs))
+    return result
+
+
+def _check_splits(episodes: Sequence[tuple[str, Mapping[str, Any]]]) -> None:
+    """Check splits and columns of episodes; `val_seen` has scenes of `train` by definition."""
+    trained = {columns["scene_id"] for split, columns in episodes if split == TRAIN}
+    splits: dict[tuple[str, str], str] = {}
+    for split, columns in episodes:
+        scene, path = columns["scene_id"], columns["trajectory_id"]
+        other = splits.setdefault((scene, path), split)
+        if other == split and split not in (TRAIN, SEEN_SPLIT) and scene in trained:
+            other = TRAIN
+        if other != split:
+            raise InputError(
+                f"scene {scene}, path {path} is in the splits {other} and {split}; valid: one "
+                "split per path and scene"
+            )
+
+
+def check_source(name: str, dataset: str, unit: EpisodeUnit) -> None:
+    """Check that a dataset has what the format or layout `name` needs.
+
+    Raises:
+        InputError: If it lacks depth or frames; the message names the command that adds them.
+    """
+    if DEPTH_KEY not in unit.features and (name not in LAYOUTS or LAYOUTS[name].depth):
+        raise InputError(
+            f"{dataset} lacks {DEPTH_KEY}, which {name} needs; `vlnpe export RUN` writes it"
+        )
+    if name in LAYOUTS and unit.frames_per_second < SLOWEST_RATE:
+        raise InputError(
+            f"{dataset} has {unit.frames_per_second} frames/s, too few for steps of 0.25 m; "
+            f"`vlnpe collect … --frames-per-second {SLOWEST_RATE}` renders more"
+        )
+
+
+def histograms(summaries: Sequence[StageSummary]) -> list[str]:
+    """Return lines with the number of answers of each kind by subset, before and after."""
+    lines: list[str] = []
+    totals: dict[str, Histogram] = {}
+    for summary in summaries:
+        for row in summary.good().values():
+            facts = row.facts
+            if facts.get("before"):
+                own = Histogram(facts["before"], facts["after"])
+                subset = f"{summary.stage} {facts['subset']}"
+                totals[subset] = totals[subset] + own if subset in totals else own
+    for subset, total in totals.items():
+        lines += [f"\n{subset}, answers:", *table(total)]
+    return lines
+
+
+def _why_left_out(unit: EpisodeUnit) -> str:
+    reason = unit.columns["end_reason"]
+    if reason != EndReason.SUCCESS:
+        return str(reason)
+    return "" if unit.task.strip() else "without an instruction"
+
+
+def _file_name(name: str) -> str:
+    """Return a robot's name, or the last part of a scene's id, as files of a layout have it."""
+    return re.sub(r"[^A-Za-z0-9-]+", "-", scene_name(name)).strip("-") or "scene"

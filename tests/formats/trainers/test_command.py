@@ -1,0 +1,173 @@
+"""`vlnpe convert` into the layouts of trainers."""
+
+import errno
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.formats.trainers.scene import FALLEN, make_unit
+from vlnpe.formats.lerobot import assemble_dataset
+from vlnpe.formats.trainers import subset as subset_module
+from vlnpe.formats.trainers.registry import LAYOUTS
+from vlnpe.formats.trainers.subset import SIDECAR_NAME
+from vlnpe.pipeline import cli
+
+
+def make_run(root: Path) -> Path:
+    """A run of two robots: three walks in two scenes each, one of which validates, and a fall."""
+    for robot in ("dog", "man"):
+        units = []
+        for number in range(4):
+            place = {"scene_id": f"home-{number // 2}", "trajectory_id": f"path-{number}"}
+            changes: dict[str, Any] = FALLEN if number == 1 else {}
+            made = make_unit(
+                root / robot, number, seconds=6.0 + number, robot=robot, episode=place, **changes
+            )
+            units.append(made)
+        assemble_dataset(
+            units,
+            root / "run" / "lerobot" / f"{robot}-path-front",
+            provenance={"held_out_scenes": ["home-1"]},
+            licence="cc-by-4.0",
+            title=robot,
+        )
+    return root / "run"
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("run")
+    for robot in ("dog", "man"):
+        (root / robot).mkdir()
+    return make_run(root)
+
+
+def convert(source: Path, name: str, out: Path, *more: str) -> int:
+    return cli.main(["convert", str(source), "--to", name, "--out", str(out), *more])
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    return json.loads(path.read_text())
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_a_run_becomes_subsets_by_robot_and_split(
+    name: str, run: Path, tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert convert(run, name, tmp_path) == 0
+    made = sorted(path.name for path in (tmp_path / name).iterdir())
+    assert made == [f"{r}-path-front{s}" for r in ("dog", "man") for s in ("", "-val")]
+    lines = [
+        json.loads(line)
+        for path in (tmp_path / name).rglob(SIDECAR_NAME)
+        for line in path.read_text().splitlines()
+    ]
+    assert len(lines) == 6 and {line["end_reason"] for line in lines} == {"success"}
+    assert {(x["split"], x["scene_id"]) for x in lines} == {("train", "home-0"), ("val", "home-1")}
+    assert len({line["key"] for line in lines}) == 6
+    readme = next((tmp_path / name / "dog-path-front").rglob("README.md")).read_text()
+    assert "left out: 1 fall" in readme and "cc-by-4.0" in readme
+    said = capfd.readouterr().out
+    assert (f"{name} dog-path-front, answers:" in said) == (name != "navdp")
+    assert cli.main(["verify", str(tmp_path)]) == 0
+    before = {p: p.stat().st_mtime_ns for p in (tmp_path / name).rglob("*") if p.is_file()}
+    assert convert(run, name, tmp_path) == 0  # nothing is written again
+    assert before == {p: p.stat().st_mtime_ns for p in (tmp_path / name).rglob("*") if p.is_file()}
+
+
+def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, inline: None) -> None:
+    counts = {}
+    for balance in ("natural", "navila", "forward=1,left=1,right=1,stop=3"):
+        assert convert(run, "navila", tmp_path, "--balance", balance) == 0
+        folders = (tmp_path / "navila" / f"dog-path-front{s}" for s in ("", "-val"))
+        counts[balance] = [len(read(folder / "annotations.json")) for folder in folders]
+    train, held_out = zip(*counts.values(), strict=True)
+    assert train[0] < train[1] < train[2] and len(set(held_out)) == 1
+    records = read(tmp_path / "navila" / "dog-path-front" / "annotations.json")
+    assert len({r["video_id"] for r in records}) == len(records)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (["--to", "navilla"], "did you mean navila?"),
+        (["--to", "navila", "--balance", "even"], "unknown balance 'even'"),
+        (["--to", "streamvln", "--balance", "navila"], "valid: natural, or one of the layouts nav"),
+        (["--to", "lerobot", "--from", "streamvln"], "lacks the robot's poses"),
+        (["--to", "lerobot", "--from", "navdp"], "cannot be converted back"),
+        (["--to", "mcap", "--from", "n1"], "has the format lerobot"),
+        (["--to", "mcap", "--from", "bag"], "unknown format 'bag'"),
+    ],
+)
+def test_mistakes_are_one_line(
+    call: list[str], said: str, run: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["convert", str(run), *call, "--out", str(tmp_path / "out")]) == 2
+    (line,) = capfd.readouterr().err.strip().splitlines()
+    assert said in line and not (tmp_path / "out").exists()
+
+
+def test_what_was_written_is_not_converted_back(
+    run: Path, tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert convert(run, "navila", tmp_path) == 0
+    capfd.readouterr()
+    assert convert(tmp_path / "navila" / "dog-path-front", "mcap", tmp_path / "back") == 2
+    assert "lacks the robot's poses" in capfd.readouterr().err
+
+
+def test_a_full_disk_leaves_nothing_that_looks_finished(
+    run: Path, tmp_path: Path, inline: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(subset_module, "write_array", full)
+    assert convert(run, "navila", tmp_path) != 0
+    assert not list((tmp_path / "navila").iterdir())
+    monkeypatch.undo()
+    assert convert(run, "navila", tmp_path) == 0
+    assert (tmp_path / "navila" / "dog-path-front" / "README.md").is_file()
+
+
+def test_what_a_layout_needs_is_named_with_the_command(
+    tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    unit = make_unit(tmp_path, rate=2)
+    assemble_dataset([unit], tmp_path / "slow", provenance={}, licence="mit", title="Slow")
+    assert convert(tmp_path / "slow", "navila", tmp_path / "out") == 2
+    assert "2 frames/s, too few" in (said := capfd.readouterr().err)
+    assert "vlnpe collect … --frames-per-second 4" in said
+    info = tmp_path / "slow" / "meta" / "info.json"
+    facts = json.loads(info.read_text())
+    del facts["features"]["observation.images.depth"]
+    info.write_text(json.dumps(facts))
+    assert convert(tmp_path / "slow", "navdp", tmp_path / "more") == 2
+    said = capfd.readouterr().err
+    assert "lacks observation.images.depth" in said and "vlnpe export" in said
+
+
+def test_a_path_in_two_splits_is_refused(
+    tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    units = [
+        make_unit(tmp_path, number, episode={"trajectory_id": "one", "split": split})
+        for number, split in enumerate(("train", "val_unseen"))
+    ]
+    assemble_dataset(units, tmp_path / "set", provenance={}, licence="mit", title="Set")
+    assert convert(tmp_path / "set", "streamvln", tmp_path / "out") == 2
+    assert "is in the splits train and val_unseen" in capfd.readouterr().err
+
+
+def test_failures_alone_give_nothing(tmp_path: Path, inline: None) -> None:
+    unit = make_unit(tmp_path, **FALLEN)
+    assemble_dataset([unit], tmp_path / "set", provenance={}, licence="mit", title="Set")
+    assert convert(tmp_path / "set", "streamvln", tmp_path / "out") == 1
+    assert not (tmp_path / "out" / "streamvln").exists()
+
+
+def test_an_unknown_layout_of_collect_is_refused(capfd: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["collect", "--also", "navila,stream"]) == 2
+    assert "unknown layout 'stream'" in capfd.readouterr().err
