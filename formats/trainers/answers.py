@@ -1,7 +1,6 @@
 """What a model is to answer at a step: kinds, runs of equal steps, class balance."""
 
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,32 +37,6 @@ class Answer:
     step: int
     kind: str
     text: str
-
-
-@dataclass(frozen=True)
-class Histogram:
-    """Number of answers of each kind, before and after balancing."""
-
-    before: Mapping[str, int]
-    after: Mapping[str, int]
-
-    @staticmethod
-    def of(kinds: Sequence[str], copies: NDArray[np.int64] | None = None) -> "Histogram":
-        """Count kinds (N,), and after balancing each as often as `copies` (N,) says."""
-        after = Counter(kinds)
-        if copies is not None:
-            after = Counter(np.repeat(np.array(kinds, dtype=object), copies).tolist())
-        return Histogram(_ordered(Counter(kinds)), _ordered(after))
-
-    def __add__(self, other: "Histogram") -> "Histogram":
-        return Histogram(
-            _ordered(Counter(self.before) + Counter(other.before)),
-            _ordered(Counter(self.after) + Counter(other.after)),
-        )
-
-
-def _ordered(counts: Counter[str]) -> dict[str, int]:
-    return {kind: counts[kind] for kind in KINDS if counts[kind]}
 
 
 def runs(actions: NDArray[np.int64], longest: int) -> list[tuple[int, int, int]]:

@@ -1,93 +1,69 @@
 """InternVLA-N1: discrete steps in LeRobot v2.1's shape, with camera poses and pixel goals."""
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from . import lerobot21
-from .answers import KIND_OF, Histogram
+from .answers import KIND_OF
+from .lerobot21 import DepthFormat, SceneWriter
 from .pixel_goals import NONE, pixel_goals
 from .streamvln import SHORTEST, START
-from .subset import Layout, Subset, Written, folder_of
-from .walks import Walk, WalkSource, stored_depth, write_depth_png
+from .subset import Layout, Subset, Written
+from .walks import Walk, WalkSource
 
 SEPARATOR = "<INSTRUCTION_SEP>"
-PER_METRE, FAR_M = 1000, 5.0
+MILLIMETRES = DepthFormat(1000, 0.0, 5.0, clip=True)
 EPISODES_PER_CHUNK = 1000
 # Rigs are named by round numbers; a walking camera sways around them.
 _HEIGHT_STEP_CM, _PITCH_STEP_DEG = 5, 5
+_MEASURED = 20  # episodes
 
 
 def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     """Write the episodes of one scene."""
-    setting, measured = _setting([Walk.open(source) for source in sources[:20]])
+    setting, measured = _setting([Walk.open(source) for source in sources[:_MEASURED]])
+    scene = SceneWriter(out, MILLIMETRES, f".{setting}")
     frames: list[NDArray[np.int64] | None] = []
     kinds: list[str] = []
-    episodes: list[tuple[str, int]] = []
-    statistics: list[dict[str, Any]] = []
-    features: dict[str, Any] = {}
+    goals = 0
     for source in sources:
-        walk, number = Walk.open(source), len(episodes)
+        walk, number = Walk.open(source), len(scene.episodes)
         steps = walk.steps()
         if len(steps.action) < SHORTEST:
             frames.append(None)
             continue
         chunk = f"chunk-{number // EPISODES_PER_CHUNK:03d}"
-        folders = [
-            folder_of(out / "videos" / chunk / f"{key}.{setting}")
-            for key in (lerobot21.RGB, lerobot21.DEPTH)
-        ]
         names = [f"episode_{number:06d}_{k}" for k in range(len(steps.frame))]
-        walk.write_jpegs(steps.frame, [folders[0] / f"{name}.jpg" for name in names])
         poses = walk.camera_poses()[steps.frame]
-        goals = pixel_goals(
+        pixels, ahead = pixel_goals(
             walk.camera,
             poses,
             walk.floor_points()[steps.frame],
-            _written_depths(walk, steps.frame, [folders[1] / f"{name}.png" for name in names]),
-            FAR_M,
+            scene.write_images(walk, steps.frame, names, chunk),
+            MILLIMETRES.far_m,
         )
         columns = {
             "action": np.array([START, *steps.action[:-1]], np.int64),
             f"pose.{setting}": poses,
-            f"goal.{setting}": goals[0],
-            f"relative_goal_frame_id.{setting}": goals[1],
+            f"goal.{setting}": pixels,
+            f"relative_goal_frame_id.{setting}": ahead,
         }
-        lerobot21.write_table(out / "data" / chunk / f"episode_{number:06d}.parquet", columns)
-        features = lerobot21.column_features(columns)
-        features |= lerobot21.picture_features(
-            walk, f".{setting}", PER_METRE, (0.0, FAR_M), "stored as depth_max_m"
-        )
+        scene.add(walk, SEPARATOR.join(source.texts), columns, {}, chunk)
         frames.append(steps.frame)
         kinds += [KIND_OF[a] for a in steps.action.tolist()] * len(source.texts)
-        episodes.append((SEPARATOR.join(source.texts), len(steps.action)))
-        seen = int((goals[1] != NONE).sum())
-        statistics.append({"episode_index": number, "stats": {}, "pixel_goals": seen})
-    if episodes:
-        lerobot21.write_meta(out, Walk.open(sources[0]), episodes, features, statistics)
-    goals_seen = sum(line["pixel_goals"] for line in statistics)
-    steps_all = sum(length for _, length in episodes)
+        goals += int((ahead != NONE).sum())
+    scene.finish()
     facts = (
-        f"setting `{setting}`: {measured}",
-        f"pixel goals: {goals_seen} of {steps_all} steps have one, [column, row], checked against "
-        "depth; −1 where the camera sees no later point of the walk within 5 m",
+        f"rig `{setting}`: {measured}",
+        f"{goals} of {sum(length for _, length, _ in scene.episodes)} steps have a pixel goal",
         "depth: uint16 PNG in millimetres, clipped at 5 m, 0 = not measured",
-        "poses: camera in the world, 4 × 4, x right, y down, z forward, metres, z of the world up",
+        "poses: camera in the world, x right, y down, z forward, metres",
     )
-    return Written(frames, len(episodes), Histogram.of(kinds), facts)
-
-
-def _written_depths(
-    walk: Walk, frames: NDArray[np.int64], paths: Sequence[Path]
-) -> Iterator[NDArray[np.float64]]:
-    """Write depth images; yield what a reader gets of each [m]."""
-    for path, depth in zip(paths, walk.depths_m(frames), strict=True):
-        stored = stored_depth(depth, PER_METRE, 0.0, FAR_M, clip=True)
-        write_depth_png(path, stored)
-        yield stored / PER_METRE
+    counts = Counter(kinds)
+    return Written(frames, len(scene.episodes), counts, counts, facts)
 
 
 def _setting(walks: Sequence[Walk]) -> tuple[str, str]:

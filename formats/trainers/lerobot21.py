@@ -1,10 +1,12 @@
-"""A scene in LeRobot v2.1's shape, as InternNav's loaders read it: tables and metadata."""
+"""A scene in LeRobot v2.1's shape, as InternNav's loaders read it."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -16,87 +18,110 @@ from .walks import Walk
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 
 
-def write_table(path: Path, columns: Mapping[str, NDArray[Any]]) -> None:
-    """Write columns (N, …) as nested lists: loaders take matrices apart row by row."""
-    folder_of(path.parent)
-    arrays = [_nested(values) for values in columns.values()]
-    pq.write_table(pa.Table.from_arrays(arrays, names=list(columns)), path)
+@dataclass(frozen=True)
+class DepthFormat:
+    """How a layout stores depth: whole numbers of 1 / `per_metre` m, 0 where nothing was measured.
 
-
-def write_meta(
-    folder: Path,
-    walk: Walk,
-    episodes: Sequence[tuple[str, int]],
-    features: Mapping[str, Any],
-    statistics: Sequence[Mapping[str, Any]],
-) -> None:
-    """Write `meta/` of a scene.
-
-    Args:
-        walk: One of its episodes, for robot, camera and rate.
-        episodes: Task and number of rows of each.
-        features: Entries of info.json.
-        statistics: A line of episodes_stats.jsonl for each episode.
+    Attributes:
+        near_m, far_m: What is nearer is stored as 0; what is farther as `far_m` if `clip`, else
+            as 0.
     """
-    meta = folder_of(folder / "meta")
-    tasks = list(dict.fromkeys(task for task, _ in episodes))
-    write_lines(
-        meta / "episodes.jsonl",
-        (
-            {"episode_index": number, "tasks": [task], "length": length}
-            for number, (task, length) in enumerate(episodes)
-        ),
-    )
-    write_lines(
-        meta / "tasks.jsonl", ({"task_index": k, "task": task} for k, task in enumerate(tasks))
-    )
-    write_lines(meta / "episodes_stats.jsonl", statistics)
-    info = {
-        "codebase_version": "v2.1",
-        "robot_type": walk.unit.robot,
-        "total_episodes": len(episodes),
-        "total_frames": sum(length for _, length in episodes),
-        "total_tasks": len(tasks),
-        "chunks_size": 1000,
-        "fps": walk.unit.frames_per_second,
-        "splits": {"train": f"0:{len(episodes)}"},
-        "features": dict(features),
-        "camera": walk.camera.to_json(),
-    }
-    (meta / "info.json").write_text(json.dumps(info, indent=2) + "\n")
+
+    per_metre: int
+    near_m: float
+    far_m: float
+    clip: bool
+
+    def encode(self, depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+        """Return depth (H, W) [m] as it is stored."""
+        valid = (depth_m > 0) & (depth_m >= self.near_m) & (self.clip | (depth_m <= self.far_m))
+        scaled = np.rint(np.minimum(depth_m, np.float32(self.far_m)) * self.per_metre)
+        return np.where(valid, scaled, 0).astype(np.uint16)
+
+    def facts(self) -> dict[str, Any]:
+        """Return what info.json says of it."""
+        beyond = "depth_max_m" if self.clip else "invalid"
+        limits = {"depth_min_m": self.near_m, "depth_max_m": self.far_m, "beyond": beyond}
+        return {"is_depth_map": True, "depth_unit_m": 1 / self.per_metre, "invalid": 0, **limits}
 
 
-def picture_features(
-    walk: Walk, suffix: str, per_metre: int, range_m: tuple[float, float], beyond: str
-) -> dict[str, Any]:
-    """Return the entries of the images, which state the unit and range of depth."""
-    camera = walk.camera
-    size = [camera.height_px, camera.width_px]
-    names = ["height", "width", "channels"]
-    depth = {
-        "is_depth_map": True,
-        "dtype": "uint16",
-        "depth_unit_m": 1 / per_metre,
-        "depth_min_m": range_m[0],
-        "depth_max_m": range_m[1],
-        "beyond": beyond,
-        "invalid": 0,
-    }
-    return {
-        f"{RGB}{suffix}": {"dtype": "image", "shape": [*size, 3], "names": names},
-        f"{DEPTH}{suffix}": {"dtype": "image", "shape": [*size, 1], "names": names, "info": depth},
-    }
+@dataclass
+class SceneWriter:
+    """Writes the episodes of a scene one after the other.
 
+    Attributes:
+        suffix: Of the names of the images.
+        episodes: Task, rows and further statistics of those written so far.
+    """
 
-def column_features(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return the entries of the columns."""
-    return {
-        name: {"dtype": str(values.dtype), "shape": list(values.shape[1:]) or [1], "names": None}
-        for name, values in columns.items()
-    }
+    out: Path
+    depth: DepthFormat
+    suffix: str = ""
+    episodes: list[tuple[str, int, Mapping[str, Any]]] = field(default_factory=list)
+
+    def write_images(
+        self, walk: Walk, shown: NDArray[np.int64], names: Sequence[str], chunk: str
+    ) -> Iterator[NDArray[np.float64]]:
+        """Write the images of the next episode; yield each depth [m] as a reader gets it."""
+        rgb, depth = (
+            folder_of(self.out / "videos" / chunk / f"{key}{self.suffix}") for key in (RGB, DEPTH)
+        )
+        walk.write_jpegs(shown, [rgb / f"{name}.jpg" for name in names])
+        for name, image in zip(names, walk.depths_m(shown), strict=True):
+            stored = self.depth.encode(image)
+            data = cv2.imencode(".png", stored, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1]
+            (depth / f"{name}.png").write_bytes(data.tobytes())
+            yield stored / self.depth.per_metre
+
+    def add(
+        self,
+        walk: Walk,
+        task: str,
+        columns: Mapping[str, NDArray[Any]],
+        statistics: Mapping[str, Any],
+        chunk: str,
+    ) -> None:
+        """Write the rows (N, …) of the next episode, as nested lists, and the scene's metadata."""
+        path = self.out / "data" / chunk / f"episode_{len(self.episodes):06d}.parquet"
+        folder_of(path.parent)
+        arrays = [_nested(values) for values in columns.values()]
+        pq.write_table(pa.Table.from_arrays(arrays, names=list(columns)), path)
+        self.episodes.append((task, len(arrays[0]), statistics))
+        if len(self.episodes) == 1:
+            self._write_info(walk, columns)
+
+    def finish(self) -> None:
+        """Write the lists of episodes."""
+        meta, numbered = folder_of(self.out / "meta"), list(enumerate(self.episodes))
+        lines = [{"episode_index": n, "tasks": [t], "length": k} for n, (t, k, _) in numbered]
+        write_lines(meta / "episodes.jsonl", lines)
+        lines = [{"episode_index": n, **more, "stats": {}} for n, (_, _, more) in numbered]
+        write_lines(meta / "episodes_stats.jsonl", lines)
+        tasks = enumerate(dict.fromkeys(task for task, *_ in self.episodes))
+        write_lines(meta / "tasks.jsonl", ({"task_index": n, "task": t} for n, t in tasks))
+
+    def _write_info(self, walk: Walk, columns: Mapping[str, NDArray[Any]]) -> None:
+        size = [walk.camera.height_px, walk.camera.width_px]
+        features: dict[str, Any] = {
+            name: {"dtype": str(values.dtype), "shape": list(values.shape[1:]) or [1]}
+            for name, values in columns.items()
+        }
+        features[f"{RGB}{self.suffix}"] = {"dtype": "image", "shape": [*size, 3]}
+        facts = {"dtype": "image", "shape": [*size, 1], "info": self.depth.facts()}
+        features[f"{DEPTH}{self.suffix}"] = facts
+        info = {
+            "codebase_version": "v2.1",
+            "robot_type": walk.unit.robot,
+            "fps": walk.unit.frames_per_second,
+            "features": features,
+            "camera": walk.camera.to_json(),
+        }
+        text = json.dumps(info, indent=2) + "\n"
+        (folder_of(self.out / "meta") / "info.json").write_text(text)
 
 
 def _nested(values: NDArray[Any]) -> pa.Array:
+    """Return values (N, …) as lists of lists: loaders take matrices apart row by row."""
     flat = pa.array(np.ascontiguousarray(values).reshape(-1))
     for size in values.shape[:0:-1]:
         flat = pa.FixedSizeListArray.from_arrays(flat, size)

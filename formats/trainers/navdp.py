@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -16,11 +15,11 @@ from ..core.frames import (
     transform_points,
     yaw_to_quat,
 )
-from . import lerobot21
-from .subset import Layout, Subset, Written, folder_of
-from .walks import Walk, WalkSource, stored_depth, write_depth_png
+from .lerobot21 import DepthFormat, SceneWriter
+from .subset import Layout, Subset, Written
+from .walks import Walk, WalkSource
 
-PER_METRE, NEAR_M, FAR_M = 10_000, 0.1, 5.0
+TENTHS = DepthFormat(10_000, 0.1, 5.0, clip=False)  # of a millimetre
 SHORTEST = 4  # frames, below which loaders find no goal
 OBSTACLE_RGB = (0, 0, 128)  # (0, 0, 0.5), by which loaders tell obstacles
 # An obstacle is what the camera sees above the floor up to its own height; in cells of a cloud.
@@ -31,62 +30,45 @@ _EVERY_PX = 4
 
 def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     """Write the episodes of one scene and level."""
+    scene, chunk = SceneWriter(out, TENTHS), "chunk-000"  # loaders read one chunk only
     frames: list[NDArray[np.int64] | None] = []
-    episodes: list[tuple[str, int]] = []
-    statistics: list[dict[str, Any]] = []
-    features: dict[str, Any] = {}
-    cells = np.empty((0, 3), np.int64)
-    folders = [
-        folder_of(out / "videos" / "chunk-000" / key) for key in (lerobot21.RGB, lerobot21.DEPTH)
-    ]
-    images = 0
+    cells, images = np.empty((0, 3), np.int64), 0
     for source in sources:
-        walk, number = Walk.open(source), len(episodes)
+        walk, number = Walk.open(source), len(scene.episodes)
         count = walk.unit.length
         if count < SHORTEST:
             frames.append(None)
             continue
-        shown = np.arange(count)
+        frames.append(np.arange(count))
         # Loaders sort the names, and take the images of an episode by their place.
         names = [f"episode_{number:06d}_{k:05d}" for k in range(count)]
-        walk.write_jpegs(shown, [folders[0] / f"{name}.jpg" for name in names])
         poses, floor = walk.camera_poses(), walk.floor_points()
-        found = [cells]
-        for k, depth in enumerate(walk.depths_m(shown)):
-            stored = stored_depth(depth, PER_METRE, NEAR_M, FAR_M, clip=False)
-            write_depth_png(folders[1] / f"{names[k]}.png", stored)
-            found.append(_obstacle_cells(walk, poses[k], floor[k], stored / PER_METRE))
-        cells = np.unique(np.concatenate(found), axis=0)
-        intrinsics = np.tile(walk.camera.intrinsics, (count, 1, 1))
+        depths = scene.write_images(walk, np.arange(count), names, chunk)
+        found = [_obstacles(walk, poses[k], floor[k], depth) for k, depth in enumerate(depths)]
+        cells = np.unique(np.concatenate([cells, *found]), axis=0)
         columns = {
-            "observation.camera_intrinsic": intrinsics,
+            "observation.camera_intrinsic": np.tile(walk.camera.intrinsics, (count, 1, 1)),
             "observation.camera_extrinsic": _mounts(walk, poses, floor),
             "action": _opengl(poses),
         }
-        lerobot21.write_table(out / "data" / "chunk-000" / f"episode_{number:06d}.parquet", columns)
-        features = lerobot21.column_features(columns)
-        features |= lerobot21.picture_features(
-            walk, "", PER_METRE, (NEAR_M, FAR_M), "stored as invalid"
-        )
-        frames.append(shown)
-        episodes.append((source.texts[0], count))
         span = {"min": images, "max": images + count - 1}
-        statistics.append({"episode_index": number, "image_index": span, "stats": {}})
+        scene.add(walk, source.texts[0], columns, {"image_index": span}, chunk)
         images += count
-    if episodes:
-        lerobot21.write_meta(out, Walk.open(sources[0]), episodes, features, statistics)
-        cloud = trimesh.PointCloud((cells + 0.5) * CELL_M, np.tile(OBSTACLE_RGB, (len(cells), 1)))
+    scene.finish()
+    if len(cells):
+        colours = np.tile(OBSTACLE_RGB, (len(cells), 1))
+        cloud = trimesh.PointCloud((cells + 0.5) * CELL_M, colours)
         (out / "meta" / "pointcloud.ply").write_bytes(bytes(cloud.export(file_type="ply")))
     facts = (
         f"{images} frames, every frame of the source",
         "depth: uint16 PNG in 0.1 mm, 0 = not measured, beyond 5 m or nearer than 0.1 m",
-        "`action`: pose of the camera in the world, 4 × 4, x right, y up, z backward, metres",
-        "`observation.camera_extrinsic`: the camera in the robot's frame (x right, y forward, z "
-        "up, on the floor) at each frame; it moves as the body sways, and loaders take the first",
+        "`action`: pose of the camera in the world, x right, y up, z backward, metres",
+        "`observation.camera_extrinsic`: the camera over the floor in the robot's frame (x right, "
+        "y forward, z up) at each frame; loaders take the first",
         f"`meta/pointcloud.ply`: {len(cells)} cells of {100 * CELL_M:g} cm in which the cameras "
-        "saw something from 0.1 m above the floor up to their height; what no walk saw is missing",
+        "saw obstacles; what no walk saw is missing",
     )
-    return Written(frames, len(episodes), None, facts)
+    return Written(frames, len(scene.episodes), {}, {}, facts)
 
 
 def _opengl(poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -111,7 +93,7 @@ def _mounts(
     return np.linalg.inv(robot) @ _opengl(poses)
 
 
-def _obstacle_cells(
+def _obstacles(
     walk: Walk, pose: NDArray[np.float64], floor: NDArray[np.float64], depth_m: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return the cells (C, 3) in which a camera sees obstacles."""

@@ -1,10 +1,11 @@
 """StreamVLN: one record for each episode, with all of its instructions and actions."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .answers import KIND_OF, Histogram
+from .answers import KIND_OF
 from .subset import ANNOTATIONS_NAME, Layout, Subset, Written, folder_of, write_array, write_lines
 from .walks import Walk, WalkSource
 
@@ -41,7 +42,8 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
         summary.append(record | named)
     write_array(out / ANNOTATIONS_NAME, records)
     write_lines(out / "summary.json", summary)
-    return Written(frames, len(records), Histogram.of(kinds))
+    counts = Counter(kinds)
+    return Written(frames, len(records), counts, counts)
 
 
 STREAMVLN = Layout("streamvln", "StreamVLN", write)

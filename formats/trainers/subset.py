@@ -1,6 +1,7 @@
 """A subset in a layout: one robot, camera and split. Its folder, its sidecar and its README."""
 
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..rendered.discrete_steps import DiscreteSteps
-from .answers import Answer, Histogram, copies
+from .answers import KINDS, Answer, copies, parse_balance
 from .walks import Walk, WalkSource
 
 SIDECAR_NAME = "vlnpe_episodes.jsonl"
@@ -25,14 +26,12 @@ class Subset:
 
     Attributes:
         name: Name of the dataset, and of the split unless it is `train`.
-        shares: Shares of `answers.KINDS`; empty keeps the natural ones.
-        balance: What the shares are called.
+        balance: What `parse_balance` takes.
         licence: Licence of the data.
         left_out: Number of episodes that are not written, by reason.
     """
 
     name: str
-    shares: tuple[float, ...]
     balance: str
     licence: str
     left_out: Mapping[str, int]
@@ -46,13 +45,15 @@ class Written:
         frames: For each episode, the source's frame numbers of its images (M,); None if its
             loaders would skip it, so that it is not written.
         records: Number of records.
-        histogram: Of the records' answers; None where the layout has no answers.
+        before, after: Number of answers of each kind before and after balancing; empty where the
+            layout has no answers.
         facts: Further lines for the README.
     """
 
     frames: Sequence[NDArray[np.int64] | None]
     records: int
-    histogram: Histogram | None
+    before: Mapping[str, int]
+    after: Mapping[str, int]
     facts: tuple[str, ...] = ()
 
 
@@ -111,7 +112,7 @@ def write_answers(
         for _ in source.texts
         for answer in own
     ]
-    times = copies(kinds, subset.shares, np.random.default_rng(0))
+    times = copies(kinds, parse_balance(subset.balance), np.random.default_rng(0))
 
     def records() -> Iterator[dict[str, Any]]:
         left = iter(times.tolist())
@@ -124,7 +125,8 @@ def write_answers(
                         yield layout.record(name, source.key, text, answer)
 
     write_array(out / ANNOTATIONS_NAME, records())
-    return Written(frames, int(times.sum()), Histogram.of(kinds, times))
+    after = Counter(np.repeat(np.array(kinds, dtype=object), times).tolist())
+    return Written(frames, int(times.sum()), Counter(kinds), after)
 
 
 def write_subset(
@@ -148,18 +150,15 @@ def write_subset(
 def write_array(path: Path, values: Iterable[Mapping[str, Any]]) -> None:
     """Write a JSON array, one value a line, without holding it."""
     with path.open("w", encoding="utf-8") as stream:
-        separator = "[\n"
-        for value in values:
-            stream.write(separator + json.dumps(value, ensure_ascii=False))
-            separator = ",\n"
-        stream.write("\n]\n" if separator[0] == "," else "[]\n")
+        for number, value in enumerate(values):
+            stream.write((",\n" if number else "[\n") + json.dumps(value, ensure_ascii=False))
+        stream.write("\n]\n")
 
 
 def write_lines(path: Path, values: Iterable[Mapping[str, Any]]) -> None:
     """Write JSON lines."""
     with path.open("w", encoding="utf-8") as stream:
-        for value in values:
-            stream.write(json.dumps(value, ensure_ascii=False) + "\n")
+        stream.writelines(json.dumps(value, ensure_ascii=False) + "\n" for value in values)
 
 
 def folder_of(path: Path) -> Path:
@@ -202,17 +201,16 @@ def _readme(layout: Layout, sources: Sequence[WalkSource], subset: Subset, writt
         f"- `{SIDECAR_NAME}` has a line for each episode: source, scene, robot, start, end, and "
         "the source's frame of each image; `key` is in the names of its images and records\n",
     ]
-    if written.histogram:
-        lines += [f"Answers, balance `{subset.balance}`:\n", *table(written.histogram), ""]
+    if written.before:
+        counts = table(written.before, written.after)
+        lines += [f"Answers, balance `{subset.balance}`:\n", *counts, ""]
     return "\n".join(lines)
 
 
-def table(histogram: Histogram) -> list[str]:
+def table(before: Mapping[str, int], after: Mapping[str, int]) -> list[str]:
     """Return the lines of a Markdown table of the kinds of answers."""
     rows = ["| answer | before | after | share |", "| --- | ---: | ---: | ---: |"]
-    total = max(sum(histogram.after.values()), 1)
-    for kind, count in histogram.after.items():
-        rows.append(
-            f"| {kind} | {histogram.before[kind]} | {count} | {100 * count / total:.1f} % |"
-        )
+    for kind in filter(after.get, KINDS):
+        share = 100 * after[kind] / sum(after.values())
+        rows.append(f"| {kind} | {before[kind]} | {after[kind]} | {share:.1f} % |")
     return rows

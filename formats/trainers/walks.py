@@ -106,23 +106,3 @@ class Walk:
         for image, times in zip(self.unit.depth_m(shown.tolist()), repeats.tolist(), strict=True):
             for _ in range(times):
                 yield image
-
-
-def write_depth_png(path: Path, stored: NDArray[np.uint16]) -> None:
-    """Write a depth image (H, W) in the layout's unit."""
-    data = cv2.imencode(".png", stored, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1]
-    path.write_bytes(data.tobytes())
-
-
-def stored_depth(
-    depth_m: NDArray[np.float32], per_metre: int, near_m: float, far_m: float, *, clip: bool
-) -> NDArray[np.uint16]:
-    """Return depth [m] as whole numbers of 1 / `per_metre` m, 0 where nothing was measured.
-
-    Args:
-        near_m, far_m: What is nearer is stored as 0; what is farther as `far_m` if `clip`, else
-            as 0.
-    """
-    valid = (depth_m >= near_m) & (clip | (depth_m <= far_m))
-    scaled = np.rint(np.minimum(depth_m, np.float32(far_m)) * per_metre)
-    return np.where(valid & (depth_m > 0), scaled, 0).astype(np.uint16)

@@ -1,5 +1,6 @@
 """From episodes to datasets: `replay`, `render`, `export` of one robot under one controller."""
 
+import logging
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -28,6 +29,8 @@ from ..stages.rollouts.render_job import RenderJob
 from ..stages.rollouts.replay_job import ReplayJob, Walker
 from . import together
 from .run import Run
+
+log = logging.getLogger(__name__)
 
 # What a worker imports that takes an episode through all stages.
 MODULES = tuple(job.__module__ for job in (ReplayJob, RenderJob, UnitJob, McapJob))
@@ -142,7 +145,8 @@ def collect(
             {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
         )
         run.summaries.extend(summaries)
-        _write_layouts(run, dataset, summaries[0].good(), product.also)
+        units = summaries[0].good() if summaries[-1].good() else {}
+        _write_layouts(run, dataset, units, product.also)
 
 
 def _write_layouts(
@@ -154,16 +158,14 @@ def _write_layouts(
         if layout not in layouts or not units:
             run.context.ledger.select(layout, scope, ())
             continue
-        facts = read_facts(dataset.lerobot)
+        facts, root = read_facts(dataset.lerobot), run.folder.root
         held_out = facts.provenance.get("held_out_scenes", ())
-        items = layout_items(
-            layout,
-            units,
-            run.folder.root,
-            dataset.name,
-            held_out=held_out,
-            licence=facts.licence,
-        )
+        how: dict[str, Any] = {"held_out": held_out, "licence": facts.licence}
+        try:
+            items = layout_items(layout, units, root, dataset.name, **how)
+        except InputError as error:  # the run itself is whole
+            log.warning("--also %s: %s", layout, error)
+            items = []
         run.stage(layout, items, scope)
         run.context.ledger.discard(layout, scope)
 

@@ -22,8 +22,7 @@ def run_convert(options: Convert) -> int:
     """
     chosen, target = _options(options), options.to
     check_name("format", target, (*convert_source.Kind, *LAYOUTS))
-    if target in LAYOUTS:
-        check_balance(target, options.balance)
+    check_balance(target, options.balance)
     if options.from_ in LAYOUTS:
         raise InputError(f"--from {options.from_}: this layout {convert_source.LACKS_POSES}")
     sources = convert_source.detect_all(options.source)

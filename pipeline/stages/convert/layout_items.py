@@ -17,7 +17,7 @@ from ....formats.lerobot import read_episode_unit
 from ....formats.lerobot.layout import DEPTH_KEY
 from ....formats.lerobot.splits import TRAIN, published_split
 from ....formats.lerobot.unit import EpisodeUnit
-from ....formats.trainers.answers import Histogram, parse_balance
+from ....formats.trainers.answers import parse_balance
 from ....formats.trainers.registry import LAYOUTS
 from ....formats.trainers.subset import Subset, table
 from ....formats.trainers.walks import WalkSource
@@ -38,10 +38,11 @@ def check_balance(name: str, balance: str) -> None:
     Raises:
         InputError: If there is no such balance, or the layout's records cannot be repeated.
     """
-    if balance and parse_balance(balance) and not LAYOUTS[name].balance:
-        balanced = ", ".join(n for n, other in LAYOUTS.items() if other.balance)
+    layout = LAYOUTS.get(name)
+    if balance and parse_balance(balance) and not (layout and layout.balance):
+        balanced = ", ".join(other.name for other in LAYOUTS.values() if other.balance)
         raise InputError(
-            f"--balance {balance}: {name} has one record per episode, which its trainer divides; "
+            f"--balance {balance}: records of {name} are whole episodes, which are not repeated; "
             f"valid: natural, or one of the layouts {balanced}"
         )
 
@@ -101,7 +102,7 @@ def layout_items(
         named = dataset if split == TRAIN else f"{dataset}-{split}"
         used = (balance or layout.balance if split == TRAIN else "") or "natural"
         dropped = left_out.get((split, scene), {})
-        subset = Subset(named, parse_balance(used), used, licence, dropped)
+        subset = Subset(named, used, licence, dropped)
         out = root / name / named / scene if scene else root / name / named
         job = LayoutJob(name, tuple(source for _, source in chosen), subset, out)
         inputs = ([(key, source.key, source.texts) for key, source in chosen], subset)
@@ -145,18 +146,17 @@ def check_source(name: str, dataset: str, unit: EpisodeUnit) -> None:
 
 def histograms(summaries: Sequence[StageSummary]) -> list[str]:
     """Return lines with the number of answers of each kind by subset, before and after."""
-    lines: list[str] = []
-    totals: dict[str, Histogram] = {}
+    counts: dict[str, tuple[Counter[str], Counter[str]]] = {}
     for summary in summaries:
-        for row in summary.good().values():
-            facts = row.facts
+        for facts in (row.facts for row in summary.good().values()):
             if facts.get("before"):
-                own = Histogram(facts["before"], facts["after"])
-                subset = f"{summary.stage} {facts['subset']}"
-                totals[subset] = totals[subset] + own if subset in totals else own
-    for subset, total in totals.items():
-        lines += [f"\n{subset}, answers:", *table(total)]
-    return lines
+                name = f"{summary.stage} {facts['subset']}"
+                before, after = counts.setdefault(name, (Counter(), Counter()))
+                before.update(facts["before"])
+                after.update(facts["after"])
+    return [
+        line for name, pair in counts.items() for line in (f"\n{name}, answers:", *table(*pair))
+    ]
 
 
 def _why_left_out(unit: EpisodeUnit) -> str:

@@ -26,14 +26,13 @@ class LayoutJob:
     def run(self) -> ItemResult:
         """Write the subset."""
         written = write_subset(LAYOUTS[self.layout], self.out, self.sources, self.subset)
-        histogram = written.histogram
         return ItemResult(
             {
                 "subset": self.subset.name,
                 "episodes": sum(frames is not None for frames in written.frames),
                 "records": written.records,
                 "left_out": dict(self.subset.left_out),
-                "before": dict(histogram.before) if histogram else {},
-                "after": dict(histogram.after) if histogram else {},
+                "before": dict(written.before),
+                "after": dict(written.after),
             }
         )

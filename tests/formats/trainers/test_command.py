@@ -95,6 +95,7 @@ def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, in
         (["--to", "navilla"], "did you mean navila?"),
         (["--to", "navila", "--balance", "even"], "unknown balance 'even'"),
         (["--to", "streamvln", "--balance", "navila"], "valid: natural, or one of the layouts nav"),
+        (["--to", "mcap", "--balance", "navila"], "records of mcap are whole episodes"),
         (["--to", "lerobot", "--from", "streamvln"], "lacks the robot's poses"),
         (["--to", "lerobot", "--from", "navdp"], "cannot be converted back"),
         (["--to", "mcap", "--from", "n1"], "has the format lerobot"),

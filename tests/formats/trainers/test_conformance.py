@@ -13,7 +13,6 @@ from PIL import Image
 from tests.formats.trainers.scene import CAMERA, make_sources
 from vlnpe.formats.core.rollout import TURN_STEP_RAD
 from vlnpe.formats.rendered.discrete_steps import execute, planar_poses
-from vlnpe.formats.trainers.answers import parse_balance
 from vlnpe.formats.trainers.registry import LAYOUTS
 from vlnpe.formats.trainers.subset import SIDECAR_NAME, Subset, write_subset
 from vlnpe.formats.trainers.walks import Walk, WalkSource
@@ -32,7 +31,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> list[WalkSource]:
 def write(name: str, root: Path, sources: list[WalkSource], balance: str = "") -> Path:
     layout = LAYOUTS[name]
     balance = balance or layout.balance or "natural"
-    subset = Subset("dogs", parse_balance(balance), balance, "mit", {"fall": 2})
+    subset = Subset("dogs", balance, "mit", {"fall": 2})
     out = root / name / "dogs" / ("room" if layout.per_scene else "")
     write_subset(layout, out, sources, subset)
     return out
@@ -200,7 +199,7 @@ def test_internvla_n1(sources: list[WalkSource], tmp_path: Path) -> None:
     (rgb,) = out.glob("videos/chunk-000/observation.images.rgb.*")
     setting = rgb.name.split(".", 3)[3]
     height, pitch = map(int, re.fullmatch(r"(\d+)cm_(\d+)deg", setting).groups())  # type: ignore[union-attr]
-    assert (height, pitch) == (35, 15)
+    assert (height, pitch) == (40, 15)
     meta = json.loads((out / "meta" / "info.json").read_text())
     depth_facts = meta["features"][f"observation.images.depth.{setting}"]["info"]
     k = np.array(meta["camera"]["intrinsics"])
