@@ -1,8 +1,11 @@
 """What is fuzzed: one reader each, with small sound files to begin from."""
 
+import gzip
 import io
+import itertools
 import json
 import shutil
+import struct
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import zstandard
 
 from tests.support.scenes import damage
 from vlnpe.formats.core.errors import InputError
@@ -269,19 +273,40 @@ def _arrays(folder: Path) -> Target:
 
 def _splats(suffix: str) -> Callable[[Path], Target]:
     def target(folder: Path) -> Target:
+        from tests.formats.splats.test_read import gltf_bytes, spz_bytes
         from tests.support.scenes.splats import random_cloud
         from vlnpe.formats.splats.ply import write_ply_splats
         from vlnpe.formats.splats.read import read_splats
 
         cloud = random_cloud(np.random.default_rng(0), 4, 1)
-        write_ply_splats(folder / "seed.ply", cloud)
-        seeds = {
-            "ply": (folder / "seed.ply").read_bytes(),
-            "splat": np.random.default_rng(0).integers(1, 255, 128, np.uint8).tobytes(),
-        }
-        return Target([seeds[suffix]], _file(folder / f"a.{suffix}", read_splats))
+        read = _file(folder / f"a.{suffix}", read_splats)
+        if suffix == "ply":
+            write_ply_splats(folder / "seed.ply", cloud)
+            return Target([(folder / "seed.ply").read_bytes()], read)
+        if suffix == "splat":
+            row = struct.pack("<6f8B", 0, 1, 2, 0.1, 0.1, 0.1, *range(100, 108))
+            return Target([4 * row], read)
+        if suffix == "glb":
+            return Target([gltf_bytes(cloud)], read)
+        # Up to version 3 the whole file is compressed: what is inside is changed.
+        plain = [gzip.decompress(spz_bytes(cloud, version)) for version in (2, 3)]
+
+        def pack(data: bytes) -> object:
+            return read(data if data[4:5] == b"\4" else gzip.compress(data, 1))
+
+        return Target([*plain, _spz_4(plain[1], len(cloud))], pack)
 
     return target
+
+
+def _spz_4(plain: bytes, count: int) -> bytes:
+    """Return a file of version 3 and degree 1 in the layout of version 4."""
+    ends = np.cumsum([16, *(n * count for n in (9, 1, 3, 3, 4, 9))])
+    parts = [plain[a:b] for a, b in itertools.pairwise(ends)]
+    packed = [zstandard.compress(part) for part in parts]
+    head = plain[:4] + struct.pack("<I", 4) + plain[8:15] + struct.pack("<BI", len(parts), 32)
+    table = [struct.pack("<QQ", len(p), len(q)) for p, q in zip(packed, parts, strict=True)]
+    return b"".join([head.ljust(32, b"\0"), *table, *packed])
 
 
 def _policy_card(folder: Path) -> Target:
@@ -372,6 +397,8 @@ TARGETS: dict[str, Callable[[Path], Target]] = {
     "npz": _arrays,
     "splats-ply": _splats("ply"),
     "splats-splat": _splats("splat"),
+    "splats-spz": _splats("spz"),
+    "splats-glb": _splats("glb"),
     "policy-card": _policy_card,
     "results": _results,
     "hello": _hello,

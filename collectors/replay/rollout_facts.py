@@ -11,7 +11,8 @@ from ...formats.core.frames import quat_to_yaw
 from ...formats.core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action
 from ..controllers import Expert, Pose, Task
 from ..locomotion.runtime import GaitPolicy
-from ..robots import POLICY_DECIMATION, TIMESTEP_S
+from ..locomotion.runtime.gait import RATE_HZ
+from ..robots import TIMESTEP_S
 from .config import ReplayConfig
 from .world import World
 
@@ -45,7 +46,7 @@ def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[s
         "policy_sha256": gait.card.network_sha256 if isinstance(gait, GaitPolicy) else None,
         "controller_config": asdict(getattr(config, config.controller)),
         "timestep_s": TIMESTEP_S,
-        "policy_rate_hz": 1.0 / (TIMESTEP_S * POLICY_DECIMATION),
+        "policy_rate_hz": RATE_HZ,
         "mujoco": mujoco.__version__,
         "floor": floor.name.removeprefix("mjGEOM_").lower(),
         "obstacle_boxes": world.obstacles,

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
-from .parts import Foot, JointFacts
+from .parts import WALKING, Foot, JointFacts
 from .shapes import (
     Vector,
     add_camera,
@@ -27,6 +28,33 @@ Limb = tuple[str, float, Vector, Vector]
 Bodies = Mapping[str, mujoco.MjsBody]
 
 
+TORQUE_SOURCE = (
+    "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
+    "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)"
+)
+INERTIA_SOURCE = "link inertias: uniform boxes of the links' outer size with the published masses"
+UNITREE_SOURCES = (
+    "PD gains and default legs: common practice of velocity-tracking policies on this robot",
+    TORQUE_SOURCE,
+    INERTIA_SOURCE,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Servo:
+    """A motor with its gears and position servo; see `JointFacts`.
+
+    Attributes:
+        armature_kg_m2: rotor inertia seen through the gears [kg·m²].
+    """
+
+    kp: float
+    kd: float
+    torque_nm: float
+    speed_rad_s: float
+    armature_kg_m2: float
+
+
 @dataclass(frozen=True)
 class Link:
     """One body that hangs on its parent by one hinge.
@@ -34,26 +62,43 @@ class Link:
     Attributes:
         parent: name of the parent body.
         axis: axis of the hinge: x, y or z of the body's frame.
+        servo: drives the hinge.
+        default_rad, range_rad: default position and limits of the hinge [rad].
         mass_kg: mass [kg].
         box_m: full sides of the uniform box that has the link's inertia [m].
         position_m: (x, y, z) of the hinge in the parent's frame [m].
         center_m: (x, y, z) of the centre of mass in the link's own frame [m].
-        joint: limits, default pose and servo of the hinge.
-        armature_kg_m2: rotor inertia seen through the gears [kg·m²].
         pitch_deg: fixed rotation of the link's frame about y [deg].
+        joint_name: name of the hinge; `<name>_joint` when empty.
     """
 
     name: str
-    _: KW_ONLY
     parent: str
     axis: str
+    servo: Servo
+    default_rad: float
+    range_rad: tuple[float, float]
+    _: KW_ONLY
     mass_kg: float
     box_m: tuple[float, float, float]
     position_m: tuple[float, float, float]
     center_m: tuple[float, float, float]
-    joint: JointFacts
-    armature_kg_m2: float
     pitch_deg: float = 0.0
+    joint_name: str = ""
+
+    @property
+    def joint(self) -> JointFacts:
+        """Limits, default pose and servo of the hinge."""
+        servo = self.servo
+        return JointFacts(
+            self.joint_name or f"{self.name}_joint",
+            self.default_rad,
+            self.range_rad,
+            kp=servo.kp,
+            kd=servo.kd,
+            torque_nm=servo.torque_nm,
+            speed_rad_s=servo.speed_rad_s,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,15 +162,18 @@ class Humanoid:
     soles: Soles
     dress: Callable[[Bodies], None]
 
-    @property
-    def mass_kg(self) -> float:
-        """Total mass [kg]."""
-        return self.pelvis_kg + sum(link.mass_kg for link in self.links)
-
-    @property
-    def link_mass_kg(self) -> Mapping[str, float]:
-        """Mass of each body [kg] by name."""
-        return {"pelvis": self.pelvis_kg, **{link.name: link.mass_kg for link in self.links}}
+    def robot(self, **facts: Any) -> RobotSpec:
+        """Return the robot with this body; `facts` are the other fields of `RobotSpec`."""
+        return RobotSpec(
+            mass_kg=self.pelvis_kg + sum(link.mass_kg for link in self.links),
+            joints=tuple(link.joint for link in self.links),
+            action_scale_rad=0.25,
+            root_body="pelvis",
+            feet=self.soles.feet,
+            command_limits=WALKING,
+            build=self.build,
+            **facts,
+        )
 
     def build(self, robot: RobotSpec) -> mujoco.MjSpec:
         """Return the robot alone: collision and visual shapes, servos, sensors, ego camera."""
@@ -162,17 +210,18 @@ def mirrored(link: Link) -> Link:
 
     x, y, z = link.position_m
     cx, cy, cz = link.center_m
-    joint, low, high = link.joint, *link.joint.range_rad
+    default_rad, (low, high) = link.default_rad, link.range_rad
     if link.axis != "y":
         # A reflection of y reverses turns about x and z.
-        joint = replace(joint, default_rad=0.0 - joint.default_rad, range_rad=(-high, -low))
+        default_rad, low, high = 0.0 - default_rad, -high, -low
     return replace(
         link,
         name=swap(link.name),
         parent=swap(link.parent),
+        default_rad=default_rad,
+        range_rad=(low, high),
         position_m=(x, -y, z),
         center_m=(cx, -cy, cz),
-        joint=replace(joint, name=swap(joint.name)),
     )
 
 
@@ -191,7 +240,7 @@ def add_links(
             body,
             link.joint,
             AXES[link.axis],
-            armature_kg_m2=link.armature_kg_m2,
+            armature_kg_m2=link.servo.armature_kg_m2,
             frictionloss_nm=frictionloss_nm,
         )
         set_inertia(body, link.mass_kg, center_m=link.center_m, box_m=link.box_m)

@@ -50,6 +50,19 @@ class CameraMount:
     model: CameraModel
 
 
+def ego_camera(
+    body: str, position_body_m: tuple[float, float, float], down_deg: float
+) -> CameraMount:
+    """Return the camera of the built-in robots: 256 × 256 px, 90° wide."""
+    return CameraMount(
+        name="ego",
+        body=body,
+        position_body_m=position_body_m,
+        pitch_down_deg=down_deg,
+        model=CameraModel("ego", 256, 256, 90.0),
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class CommandLimits:
     """Range of velocity commands in the base frame (x forward, y left), [m/s] and [rad/s]."""
@@ -62,6 +75,11 @@ class CommandLimits:
         """Return commands (…, 3) of vx, vy and yaw rate, clipped to the limits."""
         limits = np.array([self.vx_m_s, self.vy_m_s, self.yaw_rad_s])
         return np.clip(command, limits[:, 0], limits[:, 1])
+
+
+_ANY = (-math.inf, math.inf)
+UNLIMITED = CommandLimits(vx_m_s=_ANY, vy_m_s=_ANY, yaw_rad_s=_ANY)
+WALKING = CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(-0.3, 0.3), yaw_rad_s=(-1.05, 1.05))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,9 @@
 """A robot as one frozen record, and the physics options that every model with a robot shares."""
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -39,7 +38,6 @@ class RobotSpec:
     Attributes:
         title: name for people, e.g. in the report.
         mass_kg: total mass [kg].
-        link_mass_kg: mass of each body [kg] by body name.
         joints: actuated joints; those that the policy controls come first, in its order.
         policy_joints: number of joints that the policy controls; the others follow the gait's
             reference motion.
@@ -60,12 +58,8 @@ class RobotSpec:
     name: str
     title: str
     mass_kg: float
-    link_mass_kg: Mapping[str, float] = field(hash=False)
     joints: tuple[JointFacts, ...]
-    policy_joints: int
-    action_scale_rad: float
     root_body: str
-    root_joint: str
     feet: tuple[Foot, ...]
     base_height_m: float
     spawn_height_m: float
@@ -75,13 +69,12 @@ class RobotSpec:
     command_limits: CommandLimits
     sources: tuple[str, ...]
     build: "Callable[[RobotSpec], mujoco.MjSpec]" = field(repr=False, compare=False)
+    policy_joints: int = 0
+    action_scale_rad: float = 0.0
+    root_joint: str = "root"
     drive: WheelDrive | None = None
     folder: Path | None = None
     content_sha256: str = ""
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Return a picklable state; a read-only view of a mapping is not picklable."""
-        return {**self.__dict__, "link_mass_kg": dict(self.link_mass_kg)}
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -5,8 +5,7 @@ It is the reference for the cost of embodiment: it has no joints and cannot fall
 
 import mujoco
 
-from ...formats.core.camera import CameraModel
-from .parts import CameraMount, CommandLimits, FallThresholds, Foot
+from .parts import CommandLimits, FallThresholds, Foot, ego_camera
 from .shapes import (
     Color,
     add_camera,
@@ -61,23 +60,13 @@ VLNCE = RobotSpec(
     name="vlnce",
     title="VLN-CE agent",
     mass_kg=MASS_KG,
-    link_mass_kg={"base": MASS_KG},
     joints=(),
-    policy_joints=0,
-    action_scale_rad=0.0,
     root_body="base",
-    root_joint="root",
     feet=(Foot("base", ("base",)),),
     base_height_m=BASE_M,
     spawn_height_m=BASE_M + 0.001,
     footprint_radius_m=RADIUS_M,
-    camera=CameraMount(
-        name="ego",
-        body="base",
-        position_body_m=(0.0, 0.0, CAMERA_M - BASE_M),
-        pitch_down_deg=0.0,
-        model=CameraModel("ego", 256, 256, 90.0),
-    ),
+    camera=ego_camera("base", (0.0, 0.0, CAMERA_M - BASE_M), 0.0),
     fall=FallThresholds(com_to_foot_m=0.0),  # it never falls
     command_limits=CommandLimits(vx_m_s=(0.0, 0.0), vy_m_s=(0.0, 0.0), yaw_rad_s=(0.0, 0.0)),
     sources=(

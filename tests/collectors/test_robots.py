@@ -350,7 +350,7 @@ def test_found_under_any_prefix(robot: RobotSpec):
     mujoco.mj_forward(model, data)
     position = data.body(f"scene7/robot/{robot.root_body}").xpos
     np.testing.assert_allclose(position, [1.0, -2.0, 0.5 + robot.spawn_height_m])
-    assert len(handles.bodies) == len(robot.link_mass_kg)
+    assert len(handles.bodies) == robot.build_model().nbody - 1
     assert model.opt.timestep == TIMESTEP_S
     for joint in robot.joints:
         assert data.joint(f"scene7/robot/{joint.name}").qpos[0] == joint.default_rad

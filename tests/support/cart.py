@@ -25,15 +25,14 @@ GAP_M = 0.003  # casters only catch a tilting cart: the wheels must carry it to 
 FEET = ("left_wheel", "right_wheel", "front_caster", "rear_caster")
 
 
-def build_cart(robot: RobotSpec, mast_m: float) -> mujoco.MjSpec:
+def build_cart(robot: RobotSpec, mast_kg: float, mast_m: float) -> mujoco.MjSpec:
     spec = mujoco.MjSpec()
     spec.compiler.degree = False
     base = spec.worldbody.add_body(name=robot.root_body)
     base.add_freejoint(name=robot.root_joint)
     sphere, box = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
     base.add_geom(name="chassis", type=box, size=[0.2, 0.12, 0.05], mass=10.0, pos=[0, 0, 0.05])
-    top = robot.link_mass_kg["mast"]
-    base.add_geom(name="mast", type=sphere, size=[0.05, 0, 0], pos=[0, 0, mast_m], mass=top)
+    base.add_geom(name="mast", type=sphere, size=[0.05, 0, 0], pos=[0, 0, mast_m], mass=mast_kg)
     for name, x in (("front_caster", 0.17), ("rear_caster", -0.17)):
         base.add_geom(
             name=name,
@@ -84,7 +83,6 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
         name="cart",
         title="Cart",
         mass_kg=12.2 + mast_kg,
-        link_mass_kg={"mast": mast_kg},
         joints=tuple(
             JointFacts(name, 0.0, (-1e9, 1e9), kp=0.0, kd=3.0, torque_nm=40.0)
             for name in ("left_wheel", "right_wheel")
@@ -92,7 +90,6 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
         policy_joints=2,
         action_scale_rad=1.0,
         root_body="base",
-        root_joint="root",
         feet=tuple(Foot(name, (name,)) for name in FEET),
         base_height_m=WHEEL_M,
         spawn_height_m=WHEEL_M,
@@ -107,7 +104,7 @@ def make_cart(mast_kg: float = 0.1, mast_m: float = 0.4) -> RobotSpec:
         fall=FallThresholds(com_to_foot_m=0.02),
         command_limits=CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(0.0, 0.0), yaw_rad_s=(-1.5, 1.5)),
         sources=(),
-        build=partial(build_cart, mast_m=mast_m),
+        build=partial(build_cart, mast_kg=mast_kg, mast_m=mast_m),
     )
 
 

@@ -8,8 +8,8 @@ from typing import Any
 from ....formats.core.atomic import write_json
 from ....formats.core.errors import FileFormatError, brief
 from ....formats.untrusted.documents import read_json_object
-from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
-from .gait import FACTORS, GaitClock
+from ...robots import RobotSpec
+from .gait import FACTORS, RATE_HZ, GaitClock
 from .observation import layout, past_steps
 
 _AIM = ("aim", "aim_limits")
@@ -76,7 +76,7 @@ class PolicyCard:
             ("observation layout", self.observation, layout(robot.policy_joints, self.past)),
             ("action scale", self.action_scale_rad, robot.action_scale_rad),
             ("default pose", self.default_joint_rad, default_rad),
-            ("rate", self.rate_hz, 1.0 / (TIMESTEP_S * POLICY_DECIMATION)),
+            ("rate", self.rate_hz, RATE_HZ),
             ("model hash", self.physics_hash, robot.physics_hash()),
         )
         for what, trained, given in pairs:

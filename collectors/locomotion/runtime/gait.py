@@ -1,4 +1,4 @@
-"""The gait clock: which foot should be in the air when."""
+"""The gait clock: which foot should be in the air when, and what the joints do meanwhile."""
 
 from __future__ import annotations
 
@@ -6,34 +6,63 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.kernel import kernel
+from ...robots import POLICY_DECIMATION, TIMESTEP_S
+
 Array = NDArray[np.float64]
 # The monomials of a calibration: which of vx, vy and yaw are multiplied.
 FACTORS = tuple(f for degree in (1, 2, 3) for f in combinations_with_replacement(range(3), degree))
+RATE_HZ = 1.0 / (TIMESTEP_S * POLICY_DECIMATION)  # of the policy
 
 
-@dataclass
-class ClockState:
+class ClockState(NamedTuple):
     """Where N robots are in their gait.
 
     Attributes:
-        command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] that are followed: what is wanted, but
-            slowed down no faster than the gait can.
+        command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] that are followed: the target, but slowed
+            down no faster than the gait can.
         phase: (N,) in cycles; 0 while standing.
         steps_left: (N,) steps that a robot still takes after its command came to nothing.
+        moving: (N,) whether it steps.
     """
 
     command: Array
     phase: Array
-    steps_left: NDArray[np.intp]
+    steps_left: NDArray[np.int64]
+    moving: NDArray[np.bool_]
 
     @classmethod
     def standing(cls, count: int) -> ClockState:
         """Return the state of `count` robots that have not walked yet."""
-        return cls(np.zeros((count, 3)), np.zeros(count), np.zeros(count, dtype=np.intp))
+        steps, moving = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
+        return cls(np.zeros((count, 3)), np.zeros(count), steps, moving)
+
+
+class GaitTables(NamedTuple):
+    """A gait as arrays for kernels.
+
+    Attributes:
+        rates: (7,) cycles per step, `stand_linear_m_s`, `stand_yaw_rad_s`, `turn_lead_s`, greatest
+            decrease of a command per step [m/s, rad/s], `last_steps`.
+        stand: (J,) `stand_rad`.
+        motion: (5, F, J) joint offsets of swing, stance, forward, left and turn.
+        feet: (F, 3) phase offset with the lead [cycles], place x, y [m].
+        aim, aim_limits: (3, 19) and (3, 2), or empty without a calibration.
+        factors: (19, 3) axes that a monomial multiplies; 3 stands for no further factor.
+    """
+
+    rates: Array
+    stand: Array
+    motion: Array
+    feet: Array
+    aim: Array
+    aim_limits: Array
+    factors: NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -101,29 +130,9 @@ class GaitClock:
 
     def aimed(self, command: Array) -> Array:
         """Return (N, 3) what policy and reference must be asked for to reach (N, 3) commands."""
-        if not self.aim:
-            return command
-        asked = command + monomials(command) @ np.array(self.aim).T
-        return np.clip(asked, *np.array(self.aim_limits).T)
-
-    def tick(
-        self, state: ClockState, wanted: Array, dt_s: float
-    ) -> tuple[ClockState, NDArray[np.bool_]]:
-        """Return the state after `dt_s` of wanting commands (N, 3), and who is stepping (N,)."""
-        linear, turn = self.brakes
-        most = dt_s * np.array([linear, linear, turn])
-        old = state.command
-        slower = (np.abs(wanted) < np.abs(old)) | (wanted * old < 0.0)
-        command = np.where(slower, old + np.clip(wanted - old, -most, most), wanted)
-        asked = self.moving(command)
-        stepping = asked | (state.steps_left > 0)
-        phase = state.phase + self.frequency_hz * dt_s
-        # A step ends where one foot lands and the other one is about to lift.
-        landed = np.floor(2.0 * phase) > np.floor(2.0 * state.phase)
-        left = np.where(asked, self.last_steps, state.steps_left - landed)
-        stepping &= asked | (left > 0)
-        left = np.where(stepping, left, 0)
-        return ClockState(command, np.where(stepping, phase % 1.0, 0.0), left), stepping
+        result = np.empty_like(command)
+        aim_at(self.tables, command, result)
+        return result
 
     def foot_phase(self, phase: Array) -> Array:
         """Return (N, F) phase of each foot in [0, 1), swing below one half."""
@@ -131,50 +140,112 @@ class GaitClock:
 
     def reference(self, phase: Array, moving: NDArray[np.bool_], command: Array) -> Array:
         """Return (N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
-        stand, motion, offsets, x, y = self._arrays
-        angle = 2.0 * np.pi * (phase[:, None] + offsets + self.lead_cycles)
-        sine, cosine = np.sin(angle), np.cos(angle)
-        bump = sine * sine
-        swing = bump * (sine > 0.0)
-        # Half a stride ahead of the rest position at touch-down, half a stride behind at lift-off.
-        vx, vy, yaw = command[:, :1], command[:, 1:2], command[:, 2:]
-        ahead = self.turn_lead_s * yaw
-        forward = cosine * (vx - ahead * vy - yaw * y)
-        left = cosine * (vy + ahead * vx + yaw * x)
-        amounts = [swing, bump - swing, forward, left]
-        if self.turn_rad:
-            amounts.append(cosine * yaw)
-        amounts = np.concatenate(amounts, axis=1)
-        return stand + (amounts @ motion) * moving[:, None]
+        offsets = np.empty((len(phase), len(self.stand_rad)))
+        refer(self.tables, phase, moving, command, offsets)
+        return offsets
 
     @cached_property
-    def _arrays(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Stand pose, stacked motion rows, phase offsets and foot places, as arrays."""
-        rows = (
-            *self.swing_rad,
-            *self.stance_rad,
-            *self.forward_rad,
-            *self.left_rad,
-            *self.turn_rad,
+    def tables(self) -> GaitTables:
+        """The gait as arrays, for steps at `RATE_HZ`."""
+        turn = self.turn_rad or np.zeros_like(self.swing_rad)
+        rows = [self.swing_rad, self.stance_rad, self.forward_rad, self.left_rad, turn]
+        rates = [
+            self.frequency_hz / RATE_HZ,
+            self.stand_linear_m_s,
+            self.stand_yaw_rad_s,
+            self.turn_lead_s,
+            *(brake / RATE_HZ for brake in self.brakes),
+            self.last_steps,
+        ]
+        offsets = np.array(self.foot_offsets) + self.lead_cycles
+        return GaitTables(
+            rates=np.array(rates),
+            stand=np.array(self.stand_rad),
+            motion=np.array(rows),
+            feet=np.column_stack([offsets, self.foot_xy_m]),
+            aim=np.array(self.aim).reshape(-1, len(FACTORS)),
+            aim_limits=np.array(self.aim_limits).reshape(-1, 2),
+            factors=np.array([(*f, 3, 3)[:3] for f in FACTORS]),
         )
-        x, y = np.array(self.foot_xy_m).T
-        return np.array(self.stand_rad), np.array(rows), np.array(self.foot_offsets), x, y
 
 
-def monomials(command: Array) -> Array:
+@kernel()
+def tick(tables, state, target):
+    """Advance the clocks of N robots by one step under target commands (N, 3), in place."""
+    # Arrays are taken out of tuples first: numba counts references wherever one is touched.
+    rates, (command, phases, steps_left, stepping) = tables.rates, state
+    for n in range(len(target)):
+        for axis in range(3):
+            most = rates[5] if axis == 2 else rates[4]
+            old, new = command[n, axis], target[n, axis]
+            if abs(new) < abs(old) or new * old < 0.0:
+                new = old + min(max(new - old, -most), most)
+            command[n, axis] = new
+        phase = phases[n] + rates[0]
+        linear = np.hypot(command[n, 0], command[n, 1])
+        moving = linear > rates[1] or abs(command[n, 2]) > rates[2]
+        if moving:
+            steps_left[n] = int(rates[6])
+        elif steps_left[n] > 0:
+            # A step ends where one foot lands and the other one is about to lift.
+            if np.floor(2.0 * phase) > np.floor(2.0 * phases[n]):
+                steps_left[n] -= 1
+            moving = steps_left[n] > 0
+        phases[n] = phase % 1.0 if moving else 0.0
+        stepping[n] = moving
+
+
+@kernel()
+def monomials(command, factors):
     """Return (N, 19) monomials of degrees 1 to 3 of (N, 3) commands, without a constant."""
-    return np.stack([np.prod(command[:, list(f)], axis=1) for f in FACTORS], axis=1)
+    terms = np.ones((len(command), len(factors)))
+    for n in range(len(command)):
+        for term in range(len(factors)):
+            for factor in factors[term]:
+                if factor < 3:
+                    terms[n, term] *= command[n, factor]
+    return terms
 
 
-def joint_targets(default_rad: Array, reference: Array, scale_rad: float, action: Array) -> Array:
-    """Return servo targets (N, J) [rad]: default pose and reference, plus the policy's share.
+@kernel()
+def aim_at(tables, target, command):
+    """Write to `command` (N, 3) what must be asked for to reach `target` (N, 3)."""
+    command[:] = target
+    aim, limits, factors = tables.aim, tables.aim_limits, tables.factors
+    if not len(aim):
+        return
+    terms = monomials(target, factors)
+    for n in range(len(target)):
+        for axis in range(3):
+            for term in range(len(factors)):
+                command[n, axis] += aim[axis, term] * terms[n, term]
+            command[n, axis] = min(max(command[n, axis], limits[axis, 0]), limits[axis, 1])
 
-    Args:
-        default_rad: (J,).
-        reference: (N, J) joint offsets of the gait clock.
-        scale_rad: of the actions.
-        action: (N, P) for the first P ≤ J joints; the others follow the reference alone.
-    """
-    targets = default_rad + reference
-    targets[:, : action.shape[1]] += scale_rad * action
-    return targets
+
+@kernel()
+def refer(tables, phase, moving, command, offsets):
+    """Write the reference's joint offsets (N, J) [rad] at phases (N,) for commands (N, 3)."""
+    rates, stand, motion, feet = tables.rates, tables.stand, tables.motion, tables.feet
+    for n in range(len(phase)):
+        for j in range(len(stand)):
+            offsets[n, j] = stand[j]
+        if not moving[n]:
+            continue
+        vx, vy, yaw = command[n, 0], command[n, 1], command[n, 2]
+        ahead = rates[3] * yaw
+        for f in range(len(feet)):
+            angle = 2.0 * np.pi * (phase[n] + feet[f, 0])
+            sine, cosine = np.sin(angle), np.cos(angle)
+            bump = sine * sine
+            swing = bump if sine > 0.0 else 0.0
+            # Half a stride ahead of the rest position at touch-down, as far behind at lift-off.
+            forward = cosine * (vx - ahead * vy - yaw * feet[f, 2])
+            left = cosine * (vy + ahead * vx + yaw * feet[f, 1])
+            for j in range(len(stand)):
+                offsets[n, j] += (
+                    swing * motion[0, f, j]
+                    + (bump - swing) * motion[1, f, j]
+                    + forward * motion[2, f, j]
+                    + left * motion[3, f, j]
+                    + cosine * yaw * motion[4, f, j]
+                )

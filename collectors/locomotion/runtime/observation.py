@@ -5,10 +5,12 @@ sensors and body poses lag one step behind.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.kernel import kernel
 from ...robots import RobotHandles
 
 Array = NDArray[np.float64]
@@ -21,7 +23,7 @@ class RobotState:
     Attributes:
         linear_velocity_m_s: (N, 3).
         angular_velocity_rad_s: (N, 3).
-        gravity: (N, 3) unit vector downwards.
+        gravity: (N, 3) unit vector downwards, (0, 0, −1) when level.
         joint_rad: (N, J) joint positions.
         joint_rad_s: (N, J) joint velocities.
     """
@@ -33,28 +35,38 @@ class RobotState:
     joint_rad_s: Array
 
 
+class Places(NamedTuple):
+    """Where the state of a robot and its policy's joints lies; see `RobotHandles`."""
+
+    root_qpos: int
+    root_dof: int
+    joint_qpos: NDArray[np.intp]
+    joint_dof: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, handles: RobotHandles) -> "Places":
+        """Return the places of the joints that a policy moves."""
+        moved = slice(handles.robot.policy_joints)
+        joints = handles.joint_qpos[moved], handles.joint_dof[moved]
+        return cls(handles.root_qpos, handles.root_dof, *joints)
+
+
 def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
     """Return the states of N robots from generalised positions (N, nq) and velocities (N, nv).
 
-    Of the joints only those that a policy moves, J of them.
+    Only the joints that a policy moves are included, J of them.
     """
-    joints = handles.robot.policy_joints
-    q, v = handles.root_qpos, handles.root_dof
-    quat_wxyz = qpos[:, q + 3 : q + 7]
-    return RobotState(
-        linear_velocity_m_s=rotate_to_base(quat_wxyz, qvel[:, v : v + 3]),
-        angular_velocity_rad_s=qvel[:, v + 3 : v + 6],
-        gravity=gravity_in_base(quat_wxyz),
-        joint_rad=qpos[:, handles.joint_qpos[:joints]],
-        joint_rad_s=qvel[:, handles.joint_dof[:joints]],
-    )
+    places, base = Places.of(handles), np.empty((len(qpos), 9))
+    base_state(qpos, qvel, places, base)
+    joints = qpos[:, places.joint_qpos], qvel[:, places.joint_dof]
+    return RobotState(base[:, :3], base[:, 3:6], base[:, 6:], *joints)
 
 
 def layout(joints: int, past: int = 0) -> list[tuple[str, int]]:
     """Return the names and widths of the blocks of one observation, in order.
 
-    Of each of the `past` policy steps before, the latest first, it repeats the last three blocks:
-    what the motors were told and what they did, from which a network finds out how late they are.
+    The last three blocks are repeated for each of the `past` policy steps before, the latest first:
+    the motors' commands and movements, from which a network finds out how late they are.
     """
     now = [
         ("linear_velocity_base_m_s", 3),
@@ -76,78 +88,55 @@ def past_steps(blocks: list[tuple[str, int]]) -> int:
     return sum(name.startswith("previous_action_") for name, _ in blocks)
 
 
-def remember(now: Array, before: Array | None, joints: int, past: int) -> Array:
-    """Append to observations (N, D) of the present the last blocks of the `past` steps before.
+@kernel()
+def base_state(qpos, qvel, places, out):
+    """Write linear and angular velocity and gravity in base frames to `out` (N, 9 or more)."""
+    q, v = places.root_qpos, places.root_dof
+    for n in range(len(qpos)):
+        w, x, y, z = qpos[n, q + 3], qpos[n, q + 4], qpos[n, q + 5], qpos[n, q + 6]
+        # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
+        a, b, c = qvel[n, v], qvel[n, v + 1], qvel[n, v + 2]
+        i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+        out[n, 0] = a - 2.0 * w * i + 2.0 * (y * k - z * j)
+        out[n, 1] = b - 2.0 * w * j + 2.0 * (z * i - x * k)
+        out[n, 2] = c - 2.0 * w * k + 2.0 * (x * j - y * i)
+        out[n, 3], out[n, 4], out[n, 5] = qvel[n, v + 3], qvel[n, v + 4], qvel[n, v + 5]
+        out[n, 6] = 2.0 * (w * y - x * z)
+        out[n, 7] = -2.0 * (w * x + y * z)
+        out[n, 8] = 2.0 * (x * x + y * y) - 1.0
+
+
+@kernel()
+def observe(qpos, qvel, places, default, command, clock, action, remembers, seen):
+    """Write the observations (N, D) of N robots in the order of `layout`.
 
     Args:
-        now: (N, D) as of `observe`.
-        before: what this function returned a step ago; a robot that just started has None, and
-            takes what it sees for its past.
-        joints: that the policy moves.
-        past: number of steps.
-    """
-    tail = 3 * joints
-    if before is None:
-        return np.hstack([now, *[now[:, -tail:]] * past])
-    width = now.shape[1]
-    last, earlier = before[:, width - tail : width], before[:, width : width + tail * (past - 1)]
-    return np.hstack([now, last, earlier]) if past else now
-
-
-def rotate_to_base(quat_wxyz: Array, vector_world: Array) -> Array:
-    """Express (N, 3) world vectors in base frames given by (N, 4) unit quaternions."""
-    w, axis = quat_wxyz[:, :1], quat_wxyz[:, 1:]
-    # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
-    cross = _cross(axis, vector_world)
-    return vector_world - 2.0 * w * cross + 2.0 * _cross(axis, cross)
-
-
-def gravity_in_base(quat_wxyz: Array) -> Array:
-    """Return (N, 3) unit gravity in base frames: (0, 0, −1) when level."""
-    w, x, y, z = quat_wxyz.T
-    return np.stack(
-        [2.0 * (w * y - x * z), -2.0 * (w * x + y * z), 2.0 * (x * x + y * y) - 1.0], axis=1
-    )
-
-
-def observe(
-    state: RobotState,
-    default_joint_rad: Array,
-    command: Array,
-    phase: Array,
-    moving: NDArray[np.bool_],
-    previous_action: Array,
-) -> Array:
-    """Return the observations (N, D) in the order of `layout`.
-
-    Args:
-        state: of N robots.
-        default_joint_rad: (J,).
+        default: (J,) joint positions.
         command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
-        phase: (N,) gait phase in cycles.
-        moving: (N,) a standing robot sees (0, 0) for its phase.
-        previous_action: (N, J) the policy's last output.
+        clock: their `ClockState`; a standing robot sees (0, 0) for its phase.
+        action: (N, P) the policy's last output.
+        remembers: (N,) whether `seen` holds the step before; a robot that just started takes the
+            present for its past. Set to true.
+        seen: holds the observations of the step before.
     """
-    angle = 2.0 * np.pi * phase[:, None]
-    moves = moving[:, None]
-    return np.concatenate(
-        [
-            state.linear_velocity_m_s,
-            state.angular_velocity_rad_s,
-            state.gravity,
-            command,
-            np.sin(angle) * moves,
-            np.cos(angle) * moves,
-            state.joint_rad - default_joint_rad,
-            state.joint_rad_s,
-            previous_action,
-        ],
-        axis=1,
-    )
-
-
-def _cross(a: Array, b: Array) -> Array:
-    # np.cross costs ten times as much for such small arrays.
-    ax, ay, az = a.T
-    bx, by, bz = b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+    base_state(qpos, qvel, places, seen)
+    _, phase, _, moving = clock
+    joint_qpos, joint_dof = places.joint_qpos, places.joint_dof
+    joints = len(joint_qpos)
+    width, tail = 14 + 3 * joints, 3 * joints
+    for n in range(len(qpos)):
+        for axis in range(3):
+            seen[n, 9 + axis] = command[n, axis]
+        angle = 2.0 * np.pi * phase[n]
+        seen[n, 12] = np.sin(angle) if moving[n] else 0.0
+        seen[n, 13] = np.cos(angle) if moving[n] else 0.0
+        for i in range(seen.shape[1] - 1, width - 1, -1):
+            seen[n, i] = seen[n, i - tail]
+        for i in range(joints):
+            seen[n, 14 + i] = qpos[n, joint_qpos[i]] - default[i]
+            seen[n, 14 + joints + i] = qvel[n, joint_dof[i]]
+            seen[n, 14 + 2 * joints + i] = action[n, i]
+        if not remembers[n]:
+            for i in range(width, seen.shape[1]):
+                seen[n, i] = seen[n, i - tail]
+            remembers[n] = True

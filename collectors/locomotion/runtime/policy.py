@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from pathlib import Path
-from typing import cast
 
 import mujoco
 import numpy as np
@@ -17,10 +15,11 @@ from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .network import Mlp, Network, decode_layers
 from .onnx_runtime import OnnxNetwork
-from .quick import QuickStep
+from .step import GaitStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
 
+Array = NDArray[np.float64]
 MAX_NETWORK_BYTES = 256 << 20
 
 
@@ -35,8 +34,8 @@ class GaitPolicy:
 
     def __init__(self, robot: RobotSpec, card: PolicyCard, network: Network) -> None:
         self.robot, self.card, self.network = robot, card, network
-        self._handles: tuple[mujoco.MjModel, RobotHandles] | None = None
-        self._step: QuickStep | None = None
+        self._data: mujoco.MjData | None = None
+        self._step: GaitStep | None = None
 
     @classmethod
     def load(cls, robot: RobotSpec, folder: Path | None = None) -> GaitPolicy:
@@ -74,14 +73,9 @@ class GaitPolicy:
         return GaitPolicy(robot, card, self.network)
 
     @property
-    def rate_hz(self) -> float:
-        """How often `act` must be called."""
-        return self.card.rate_hz
-
-    @property
     def phase(self) -> float:
         """Gait phase in cycles, 0 while standing."""
-        return float(self._step.phase[0]) if self._step else 0.0
+        return float(self._step.clock.phase[0]) if self._step else 0.0
 
     def reset(self) -> None:
         """Forget clock and last action; call at the start of every rollout."""
@@ -100,21 +94,25 @@ class GaitPolicy:
             (J,) in the order of `robot.joint_names`.
         """
         step = self._step
-        if step is None or step.data is not data:
-            step = self._step = self._started(data)
-        vx, vy, yaw = cast(Sequence[float], command)
-        step.look(vx, vy, yaw)
-        self.network.run(step.observation, self._output)
-        return step.targets(self._output, self.card.action_clip, self.card.action_scale_rad)
+        if step is None or self._data is not data:
+            step = self._start(data)
+        self.network.run(step.observe(command), self._output)
+        return step.targets(self._output, self.card.action_clip)[0]
 
-    def _started(self, data: mujoco.MjData) -> QuickStep:
+    def _start(self, data: mujoco.MjData) -> GaitStep:
         """Return a step for another simulation, with the clock and the action of the last one."""
-        card = self.card
-        step = QuickStep(data, self.handles(data.model), card.gait, card.rate_hz, card.past)
+        handles = RobotHandles.find(self.robot, data.model)
+        step = self.steps(data.qpos[None], data.qvel[None], handles)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
-            step.take_over(self._step)
+            step.continue_from(self._step)
+        self._data, self._step = data, step
         return step
+
+    def steps(self, qpos: Array, qvel: Array, handles: RobotHandles) -> GaitStep:
+        """Return the step of N robots from the memory (N, nq), (N, nv) of their simulation."""
+        card = self.card
+        return GaitStep(qpos, qvel, handles, card.gait, self.robot.command_limits, card.past)
 
     def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the actions (N, J) for observations (N, D) in the layout of `observation.py`.
@@ -126,12 +124,6 @@ class GaitPolicy:
         self.network.run(seen, action)
         clip = self.card.action_clip
         return np.clip(action.astype(np.float64), -clip, clip)
-
-    def handles(self, model: mujoco.MjModel) -> RobotHandles:
-        """Return the addresses of this robot in `model`, looked up once per model."""
-        if self._handles is None or self._handles[0] is not model:
-            self._handles = (model, RobotHandles.find(self.robot, model))
-        return self._handles[1]
 
 
 def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:

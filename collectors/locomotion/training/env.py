@@ -10,14 +10,10 @@ from numpy.typing import NDArray
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
-from ...robots import (
-    POLICY_DECIMATION,
-    RobotHandles,
-    RobotSpec,
-    apply_physics_options,
-)
-from ..runtime.gait import ClockState, joint_targets
-from ..runtime.observation import RobotState, layout, observe, states_of
+from ...robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
+from ...robots.parts import UNLIMITED
+from ..runtime.observation import layout, states_of
+from ..runtime.step import GaitStep
 from ..trials.terrain import Terrain
 from ..trials.trial import STEP_S, TargetPipe
 from .config import TrainingConfig
@@ -63,7 +59,6 @@ class GaitEnv(VecEnv):
         self._sole_radius = self.handles.sole_radius_m
         self.symmetry = Symmetry.of(robot)
         self._default = robot.default_joint_rad
-        self._zero = self._default[: robot.policy_joints]
         self.batch = Batch(model, config.envs, threads)
         self.physical = randomize_models(self.batch, self.handles, config, rng)
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
@@ -76,7 +71,7 @@ class GaitEnv(VecEnv):
         )
         self._body = BodyFacts(
             base_height_m=robot.base_height_m,
-            default_joint_rad=self._zero,
+            default_joint_rad=self._default[: robot.policy_joints],
             stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet)),
             joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
             sideways=self.symmetry.joint_signs.numpy() < 0,
@@ -89,12 +84,15 @@ class GaitEnv(VecEnv):
         self._ctrl_order = np.argsort(self.handles.actuators)
         self._allocate()
         self._reset(np.arange(self.num_envs))
+        self._step.observe(np.zeros(3))
 
     def _allocate(self) -> None:
         n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
-        self._action, self._previous, self._older = (np.zeros((n, j)) for _ in range(3))
+        self._previous, self._older = np.zeros((n, j)), np.zeros((n, j))
         self._pipe.fill(np.tile(self._default, (n, 1)))
-        self._clock, self._moving = ClockState.standing(n), np.zeros(n, dtype=bool)
+        self._step = GaitStep(
+            self._qpos, self._qvel, self.handles, self.gait, UNLIMITED, dtype=np.float64
+        )
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -105,14 +103,7 @@ class GaitEnv(VecEnv):
 
     def get_observations(self) -> TensorDict:
         """Return the observations: group `policy` (noisy) and group `privileged` (critic only)."""
-        clean = observe(
-            self._state(),
-            self._zero,
-            self._clock.command,
-            self._clock.phase,
-            self._moving,
-            self._action,
-        )
+        clean = self._step.observation
         noisy = clean + self._noise * self.rng.uniform(-1, 1, clean.shape)
         privileged = np.concatenate(
             [
@@ -153,10 +144,11 @@ class GaitEnv(VecEnv):
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
         """Return one policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
-        clip = self.config.action_clip
-        self._older, self._previous = self._previous, self._action
-        self._action = np.clip(actions.numpy().astype(np.float64), -clip, clip)
-        self._advance_physics()
+        self._older, self._previous = self._previous, self._step.action.copy()
+        # Each simulation applies the new target some physics steps late.
+        target = self._step.targets(actions.numpy(), self.config.action_clip)
+        control = self._pipe.push(target)
+        self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
         self._age += 1
         facts = self._measure()
         terms = reward_terms(facts, self._body, self.config)
@@ -175,7 +167,7 @@ class GaitEnv(VecEnv):
         self._qvel[kicked, v : v + 2] += self.push_scale * kicks
         if done.any():
             self._reset(np.flatnonzero(done))
-        self._clock, self._moving = self.gait.tick(self._clock, self._schedule.wanted, STEP_S)
+        self._step.observe(self._schedule.target)
         self.episode_length_buf = torch.from_numpy(self._age.copy())
         return (
             self.get_observations(),
@@ -189,18 +181,8 @@ class GaitEnv(VecEnv):
         scale = self.smoothness_scale if name in SMOOTHNESS_TERMS else 1.0
         return scale * getattr(self.config.rewards, name)
 
-    def _advance_physics(self) -> None:
-        reference = self.gait.reference(self._clock.phase, self._moving, self._clock.command)
-        target = joint_targets(self._default, reference, self.robot.action_scale_rad, self._action)
-        # Each simulation applies the new target some physics steps late.
-        control = self._pipe.push(target)
-        self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
-
-    def _state(self) -> RobotState:
-        return states_of(self._qpos, self._qvel, self.handles)
-
     def _measure(self) -> StepFacts:
-        state = self._state()
+        state, clock = states_of(self._qpos, self._qvel, self.handles), self._step.clock
         linear, angular = state.linear_velocity_m_s, state.angular_velocity_rad_s
         # The gait makes the velocity swing: means go over about half a cycle.
         blend = STEP_S * 2.0 * self.gait.frequency_hz
@@ -220,8 +202,8 @@ class GaitEnv(VecEnv):
         acceleration = (state.joint_rad_s - self._joint_velocity) / STEP_S
         self._joint_velocity = state.joint_rad_s.copy()
         return StepFacts(
-            command=self._clock.command,
-            moving=self._moving,
+            command=clock.command,
+            moving=clock.moving,
             linear_velocity=linear,
             angular_velocity=angular,
             linear_mean=self._linear_mean,
@@ -232,10 +214,10 @@ class GaitEnv(VecEnv):
             joint_rad=state.joint_rad,
             joint_rad_s=state.joint_rad_s,
             joint_acceleration=acceleration,
-            action=self._action,
+            action=self._step.action,
             previous_action=self._previous,
             older_action=self._older,
-            foot_phase=self.gait.foot_phase(self._clock.phase),
+            foot_phase=self.gait.foot_phase(clock.phase),
             foot_contact=self._foot_contact,
             foot_height_m=self._foot_height,
             foot_speed_m_s=speed,
@@ -268,10 +250,9 @@ class GaitEnv(VecEnv):
         self._qvel[ids, v : v + 6] = rng.uniform(-0.2, 0.2, (n, 6))
         self._age[ids] = 0
         self._pipe.refill(ids, self._default)
-        for array in (self._action, self._previous, self._older, self._linear_mean):
+        self._step.reset(ids)
+        for array in (self._previous, self._older, self._linear_mean):
             array[ids] = 0.0
-        self._clock.command[ids], self._clock.phase[ids], self._clock.steps_left[ids] = 0, 0, 0
-        self._moving[ids] = False
         self._yaw_mean[ids], self._joint_velocity[ids] = 0.0, 0.0
         self._height[ids], self._foot_height[ids] = self.robot.base_height_m, 0.0
         self._foot_contact[ids] = True

@@ -11,8 +11,9 @@ import torch
 from numpy.typing import NDArray
 
 from ....formats.core.atomic import atomic_file
-from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
+from ...robots import RobotSpec
 from ..runtime.card import PolicyCard, load_card, save_card
+from ..runtime.gait import RATE_HZ
 from ..runtime.network import decode_layers, encode_layers
 from ..runtime.observation import layout
 from ..runtime.policy import policy_files
@@ -103,7 +104,7 @@ def write_policy(
         kd=tuple(joint.kd for joint in robot.joints),
         torque_nm=tuple(joint.torque_nm for joint in robot.joints),
         speed_rad_s=motor_speeds(robot),
-        rate_hz=1.0 / (TIMESTEP_S * POLICY_DECIMATION),
+        rate_hz=RATE_HZ,
         gait=GAITS[robot.name],
         network_sha256=hashlib.sha256(content).hexdigest(),
         training=training,

@@ -20,7 +20,7 @@ class Schedule:
     `age` is the number of policy steps (N,) since each robot's reset.
 
     Attributes:
-        wanted: (N, 3) present velocity command [m/s, m/s, rad/s].
+        target: (N, 3) present velocity command [m/s, m/s, rad/s].
         kick: (N, 2) next change of the base's velocity, in the world [m/s].
     """
 
@@ -33,13 +33,13 @@ class Schedule:
             robot.command_limits, config.command_margin, config.command_beyond
         )
         self._hurried = rng.random(n) < config.hurried_share
-        self.wanted, self._upcoming = np.zeros((n, 3)), np.zeros((n, 3))
+        self.target, self._upcoming = np.zeros((n, 3)), np.zeros((n, 3))
         self._next_command_s, self._upcoming_s = np.zeros(n), np.zeros(n)
         self.kick, self._next_push_s = np.zeros((n, 2)), np.zeros(n)
 
     def reset(self, ids: NDArray[np.intp], age: NDArray[np.int64]) -> None:
         """Restart the schedule of robots `ids`, whose age is 0."""
-        self.wanted[ids] = 0.0
+        self.target[ids] = 0.0
         self._next_command_s[ids] = 0.0
         self._next_push_s[ids] = self._rng.uniform(*self._config.push_s, len(ids))
         self._draw_kick(ids)
@@ -51,7 +51,7 @@ class Schedule:
         due = np.flatnonzero(age * STEP_S >= self._next_command_s)
         if not len(due):
             return
-        self.wanted[due] = self._upcoming[due]
+        self.target[due] = self._upcoming[due]
         self._next_command_s[due] = age[due] * STEP_S + self._upcoming_s[due]
         self._draw_command(due)
 
@@ -71,13 +71,13 @@ class Schedule:
             np.exp(-np.maximum(at - age * STEP_S, 0.0) / NEAR_S)[:, None]
             for at in (self._next_command_s, self._next_push_s)
         )
-        parts = [self.wanted, self._upcoming * soon, soon, kick * kick_soon, kick_soon]
+        parts = [self.target, self._upcoming * soon, soon, kick * kick_soon, kick_soon]
         return np.concatenate(parts, axis=1)
 
     def _draw_command(self, due: NDArray[np.intp]) -> None:
         """Draw the commands that follow the present ones, and how long they will last."""
         rng, config = self._rng, self._config
-        walked = self._gait.moving(self.wanted[due])
+        walked = self._gait.moving(self.target[due])
         stop = walked & (rng.random(len(due)) < config.stop_share)
         hurried = self._hurried[due]
         wait = rng.uniform(*config.command_s, len(due))

@@ -5,7 +5,6 @@ walking. Measured once, this is undone by a polynomial from the velocity wanted 
 for. Its monomials respect the robot's left-right symmetry.
 """
 
-import math
 from dataclasses import replace
 from itertools import product
 
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...robots import CommandLimits
+from ...robots.parts import UNLIMITED
 from ..runtime.gait import GaitClock, monomials
 from ..runtime.policy import GaitPolicy
 from .trial import STEP_S, Conditions, Trial
@@ -58,17 +58,18 @@ def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = R
         rounds: number of rounds of correction.
     """
     bounds = command_bounds(policy.robot.command_limits)
-    wanted = np.array(list(product(*(np.linspace(low, high, points) for low, high in bounds))))
-    wanted = wanted[policy.card.gait.moving(wanted)]
+    target = np.array(list(product(*(np.linspace(low, high, points) for low, high in bounds))))
+    target = target[policy.card.gait.moving(target)]
     plain = replace(policy.card.gait, aim=(), aim_limits=())
-    asked = wanted.copy()
+    command = target.copy()
     for _ in range(rounds):
-        reached, up = _mean_velocity(policy, plain, asked)
-        step = np.where(up[:, None], STRIDE * (wanted - reached), 0.0)
-        asked = np.clip(asked + step, most[:, 0], most[:, 1])
+        reached, up = _mean_velocity(policy, plain, command)
+        step = np.where(up[:, None], STRIDE * (target - reached), 0.0)
+        command = np.clip(command + step, most[:, 0], most[:, 1])
+    aim = _fit(target, command - target, plain.tables.factors)
     return replace(
         plain,
-        aim=tuple(tuple(row) for row in _fit(wanted, asked - wanted).tolist()),
+        aim=tuple(tuple(row) for row in aim.tolist()),
         aim_limits=tuple((float(low), float(high)) for low, high in most),
     )
 
@@ -78,10 +79,8 @@ def _mean_velocity(
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return mean velocities (N, 3) under constant commands (N, 3), and who is still up (N,)."""
     n = len(commands)
-    free_axis = (-math.inf, math.inf)
-    anything = CommandLimits(vx_m_s=free_axis, vy_m_s=free_axis, yaw_rad_s=free_axis)
     free = policy.changed(
-        replace(policy.robot, command_limits=anything), replace(policy.card, gait=gait)
+        replace(policy.robot, command_limits=UNLIMITED), replace(policy.card, gait=gait)
     )
     rng = np.random.default_rng(0)
     conditions = replace(Conditions.mixed(n, rng), latency_substeps=LATENCY_SUBSTEPS)
@@ -94,11 +93,11 @@ def _mean_velocity(
     return np.mean(velocity, axis=0), ~trial.fallen
 
 
-def _fit(wanted: Array, extra: Array) -> Array:
-    """Return coefficients (3, K) of `monomials` for what must be asked beyond what is wanted."""
-    terms = monomials(wanted)
+def _fit(target: Array, extra: Array, factors: NDArray[np.int64]) -> Array:
+    """Return coefficients (3, K) of `monomials` of targets (N, 3) that give what to add (N, 3)."""
+    terms = monomials(target, factors)
     # Under a reflection of y, vy and yaw change sign; vx must not, and they must.
-    odd = monomials(np.array([[1.0, -1.0, -1.0]]))[0] < 0.0
+    odd = monomials(np.array([[1.0, -1.0, -1.0]]), factors)[0] < 0.0
     coefficients = np.zeros((3, terms.shape[1]))
     for axis in range(3):
         allowed = odd if axis else ~odd

@@ -16,8 +16,7 @@ from ...robots import (
     RobotHandles,
     apply_physics_options,
 )
-from ..runtime.gait import ClockState, joint_targets
-from ..runtime.observation import RobotState, observe, remember, states_of
+from ..runtime.observation import RobotState, states_of
 from ..runtime.policy import GaitPolicy
 from .terrain import Terrain
 
@@ -143,8 +142,8 @@ class Trial:
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self._pipe.fill(self._target)
-        self._seen: Array | None = None
-        self.action, self._clock = np.zeros((n, robot.policy_joints)), ClockState.standing(n)
+        self._step = policy.steps(self._qpos, self._qvel, h)
+        self._output = np.zeros(self._step.action.shape, dtype=np.float32)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
         self.time_s = -settle_s
@@ -171,17 +170,9 @@ class Trial:
             self.time_s += STEP_S
             return
         self._push()
-        robot, gait, previous = self.policy.robot, self.policy.card.gait, self.action
-        wanted = robot.command_limits.clip(command)
-        self._clock, moving = gait.tick(self._clock, wanted, STEP_S)
-        wanted, phase = gait.aimed(self._clock.command), self._clock.phase
-        default, policed = robot.default_joint_rad, robot.policy_joints
-        now = observe(self.state(), default[:policed], wanted, phase, moving, previous)
-        self._seen = remember(now, self._seen, policed, self.policy.card.past)
-        self.action = self.policy.infer(self._seen)
-        before = self._target
-        reference = gait.reference(phase, moving, wanted)
-        self._target = joint_targets(default, reference, robot.action_scale_rad, self.action)
+        before, policy = self._target, self.policy
+        policy.network.run(self._step.observe(command), self._output)
+        self._target = self._step.targets(self._output, policy.card.action_clip)
         control = self._pipe.push(self._target)
         order = np.argsort(self.handles.actuators)
         record = self.batch.rollout(

@@ -1,11 +1,9 @@
 """Unitree Aliengo: a 24.6 kg quadruped with twelve joints."""
 
-from types import MappingProxyType
-
 import mujoco
 
-from ....formats.core.camera import CameraModel
-from ..parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts
+from ..humanoid import INERTIA_SOURCE, TORQUE_SOURCE
+from ..parts import WALKING, FallThresholds, Foot, JointFacts, ego_camera
 from ..shapes import (
     add_camera,
     add_collision,
@@ -22,6 +20,7 @@ from .shell import dress_calf, dress_hip, dress_thigh, dress_trunk
 LEGS = ("FL", "FR", "RL", "RR")
 HIP_X_M, HIP_Y_M = 0.2399, 0.051
 ABDUCTION_M = 0.083
+BASE_KG, HIP_KG, THIGH_KG, CALF_KG = 13.04, 1.993, 0.639, 0.267
 LINK_M = 0.25  # thigh and calf
 FOOT_RADIUS_M = 0.0265
 # Rotor inertia seen through the gears and dry friction of such actuators; not published, typical.
@@ -43,9 +42,7 @@ def _leg_joints(leg: str) -> tuple[JointFacts, ...]:
 def build_aliengo(robot: RobotSpec) -> mujoco.MjSpec:
     """Return the robot alone: collision and visual shapes, servos, sensors, ego camera."""
     spec, base = start_robot(robot)
-    set_inertia(
-        base, robot.link_mass_kg["base"], center_m=(0.0, 0.0, 0.0), box_m=(0.55, 0.2, 0.112)
-    )
+    set_inertia(base, BASE_KG, center_m=(0.0, 0.0, 0.0), box_m=(0.55, 0.2, 0.112))
     add_collision(base, "trunk", "box", (0.3, 0.085, 0.056))
     add_collision(base, "head", "capsule", (0.05,), ends=((0.31, -0.03, 0.01), (0.31, 0.03, 0.01)))
     dress_trunk(base)
@@ -53,7 +50,7 @@ def build_aliengo(robot: RobotSpec) -> mujoco.MjSpec:
     add_camera(base, robot.camera)
     facts = {joint.name: joint for joint in robot.joints}
     for leg in LEGS:
-        _add_leg(spec, base, leg, facts, robot)
+        _add_leg(spec, base, leg, facts)
     for joint in robot.joints:
         add_servo(spec, joint)
     return spec
@@ -64,7 +61,6 @@ def _add_leg(
     base: mujoco.MjsBody,
     leg: str,
     facts: dict[str, JointFacts],
-    robot: RobotSpec,
 ) -> None:
     front = 1.0 if leg[0] == "F" else -1.0
     left = 1.0 if leg[1] == "L" else -1.0
@@ -82,7 +78,7 @@ def _add_leg(
     joint(hip, "hip", (1.0, 0.0, 0.0))
     # The abduction motor sits on the trunk's end, the thigh motor in the hip: both near the axis.
     hip_center = (-0.02 * front, 0.035 * left, 0.0)
-    set_inertia(hip, robot.link_mass_kg[f"{leg}_hip"], center_m=hip_center, box_m=(0.12, 0.1, 0.1))
+    set_inertia(hip, HIP_KG, center_m=hip_center, box_m=(0.12, 0.1, 0.1))
     add_collision(
         hip,
         f"{leg}_hip",
@@ -95,9 +91,7 @@ def _add_leg(
     thigh = hip.add_body(name=f"{leg}_thigh", pos=[0.0, left * ABDUCTION_M, 0.0])
     joint(thigh, "thigh", (0.0, 1.0, 0.0))
     thigh_center = (0.0, 0.0, -0.1)
-    set_inertia(
-        thigh, robot.link_mass_kg[f"{leg}_thigh"], center_m=thigh_center, box_m=(0.05, 0.04, 0.26)
-    )
+    set_inertia(thigh, THIGH_KG, center_m=thigh_center, box_m=(0.05, 0.04, 0.26))
     add_collision(
         thigh, f"{leg}_thigh", "capsule", (0.024,), ends=((0.0, 0.0, -0.03), (0.0, 0.0, -0.23))
     )
@@ -107,7 +101,7 @@ def _add_leg(
     joint(calf, "calf", (0.0, 1.0, 0.0))
     set_inertia(
         calf,
-        robot.link_mass_kg[f"{leg}_calf"],
+        CALF_KG,
         center_m=(0.0, 0.0, -0.135),
         box_m=(0.02, 0.02, 0.25),
     )
@@ -128,41 +122,25 @@ ALIENGO = RobotSpec(
     name="aliengo",
     title="Unitree Aliengo",
     mass_kg=24.636,
-    link_mass_kg=MappingProxyType(
-        {
-            "base": 13.04,
-            **{f"{leg}_hip": 1.993 for leg in LEGS},
-            **{f"{leg}_thigh": 0.639 for leg in LEGS},
-            **{f"{leg}_calf": 0.267 for leg in LEGS},
-        }
-    ),
     joints=tuple(joint for leg in LEGS for joint in _leg_joints(leg)),
     policy_joints=12,
     action_scale_rad=0.5,
     root_body="base",
-    root_joint="root",
     feet=tuple(Foot(f"{leg}_foot", (f"{leg}_foot",)) for leg in LEGS),
     base_height_m=0.36,
     spawn_height_m=0.393,
     footprint_radius_m=0.30,
-    camera=CameraMount(
-        name="ego",
-        body="base",
-        # In front of its housing on top of the head, so that the robot never sees its own shell.
-        position_body_m=(0.372, 0.0, 0.088),
-        pitch_down_deg=8.0,
-        model=CameraModel("ego", 256, 256, 90.0),
-    ),
+    # In front of its housing on top of the head, so that the robot never sees its own shell.
+    camera=ego_camera("base", (0.372, 0.0, 0.088), 8.0),
     fall=FallThresholds(com_to_foot_m=0.18),
-    command_limits=CommandLimits(vx_m_s=(-0.3, 1.0), vy_m_s=(-0.3, 0.3), yaw_rad_s=(-1.05, 1.05)),
+    command_limits=WALKING,
     sources=(
         "masses, link lengths, joint, torque and speed limits: Unitree's published robot "
         "description (unitree_ros, aliengo.urdf)",
         "fall thresholds, camera height (0.40–0.50 m) and HFOV 90°: VLN-PE",
         "PD gains and default pose: common practice of velocity-tracking policies on this robot",
-        "torque falls off from 60 % of the speed limit on: Unitree's torque-speed curves of such "
-        "motors have their knee at 55–77 % of the no-load speed (unitree_rl_lab)",
-        "link inertias: uniform boxes of the links' outer size with the published masses",
+        TORQUE_SOURCE,
+        INERTIA_SOURCE,
     ),
     build=build_aliengo,
 )

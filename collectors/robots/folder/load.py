@@ -56,7 +56,6 @@ def load_robot_folder(folder: Path) -> RobotSpec:
         name=facts.name,
         title=facts.title,
         mass_kg=round(float(model.body_subtreemass[0]), 9),
-        link_mass_kg={model.body(i).name: float(model.body_mass[i]) for i in range(1, model.nbody)},
         joints=joints,
         policy_joints=policy_joints,
         action_scale_rad=facts.action_scale_rad or 0.0,

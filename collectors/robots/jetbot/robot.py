@@ -1,11 +1,9 @@
 """NVIDIA Jetbot: a small robot on two wheels and a ball caster, at any scale."""
 
 import math
-from types import MappingProxyType
 
 import mujoco
 
-from ....formats.core.camera import CameraModel
 from ....formats.core.errors import InputError
 from ..parts import (
     CameraMount,
@@ -14,6 +12,7 @@ from ..parts import (
     Foot,
     JointFacts,
     WheelDrive,
+    ego_camera,
 )
 from ..shapes import (
     add_camera,
@@ -63,25 +62,15 @@ def jetbot(scale: float) -> RobotSpec:
     slower = math.sqrt(scale / DEFAULT_SCALE)
     torque_nm = MOTOR_NM * scale**4
     servo = {"kp": 0.0, "kd": SERVO_S * slower * torque_nm, "torque_nm": torque_nm}
-    wheel_kg = WHEEL_KG * scale**3
     return RobotSpec(
         name=name,
         title="NVIDIA Jetbot" if scale == 1.0 else f"NVIDIA Jetbot x{scale:g}",
         mass_kg=MASS_KG * scale**3,
-        link_mass_kg=MappingProxyType(
-            {
-                "base": (MASS_KG - 2 * WHEEL_KG) * scale**3,
-                **{f"{side}_wheel": wheel_kg for side in WHEELS},
-            }
-        ),
         joints=tuple(
             JointFacts(f"{side}_wheel_joint", 0.0, (-math.inf, math.inf), **servo)
             for side in WHEELS
         ),
-        policy_joints=0,
-        action_scale_rad=0.0,
         root_body="base",
-        root_joint="root",
         feet=(*(Foot(f"{side}_wheel", (f"{side}_wheel",)) for side in WHEELS), CASTER),
         base_height_m=WHEEL_RADIUS_M * scale,
         spawn_height_m=1.001 * WHEEL_RADIUS_M * scale,
@@ -122,13 +111,7 @@ CASTER = Foot("caster", ("caster",))
 def _camera(scale: float) -> CameraMount:
     x, y, z = (scale * v for v in camera_m(scale))
     pitch = MAST_PITCH_DEG if scale > 1 else BRACKET_PITCH_DEG
-    return CameraMount(
-        name="ego",
-        body="base",
-        position_body_m=(x, y, z),
-        pitch_down_deg=pitch,
-        model=CameraModel("ego", 256, 256, 90.0),
-    )
+    return ego_camera("base", (x, y, z), pitch)
 
 
 def camera_m(scale: float) -> tuple[float, float, float]:
@@ -148,17 +131,16 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
 
     spec, base = start_robot(robot)
     size = grown(0.1, 0.075, 0.06)
-    set_inertia(base, robot.link_mass_kg["base"], center_m=grown(*CENTER_M), box_m=size)
+    set_inertia(base, (MASS_KG - 2 * WHEEL_KG) * scale**3, center_m=grown(*CENTER_M), box_m=size)
     # Chassis with motors and computer, rounded by capsules where it would catch on corners.
     add_collision(base, "chassis", "box", grown(0.046, 0.0385, 0.0165), grown(-0.016, 0.0, 0.0015))
     add_collision(base, "computer", "box", grown(0.046, 0.037, 0.014), grown(-0.016, 0.0, 0.034))
     for name, x in (("front", 0.029), ("rear", -0.061)):
         ends = (grown(x, -0.029, 0.0), grown(x, 0.029, 0.0))
         add_collision(base, name, "capsule", grown(0.008), ends=ends)
-    ends = (grown(0.0335, -0.012, 0.03), grown(0.0335, -0.012, 0.06))
-    add_collision(base, "bracket", "capsule", grown(0.006), ends=ends)
-    ends = (grown(0.0335, 0.012, 0.03), grown(0.0335, 0.012, 0.06))
-    add_collision(base, "bracket_right", "capsule", grown(0.006), ends=ends)
+    for name, y in (("bracket", -0.012), ("bracket_right", 0.012)):
+        ends = (grown(0.0335, y, 0.03), grown(0.0335, y, 0.06))
+        add_collision(base, name, "capsule", grown(0.006), ends=ends)
     add_collision(base, "caster", "sphere", grown(BALL_RADIUS_M), grown(*CASTER_M), foot=True)
     # A ball in its cup rolls in every direction: no friction.
     spec.geom("caster").condim = 1
@@ -179,7 +161,7 @@ def build_jetbot(robot: RobotSpec) -> mujoco.MjSpec:
         width, across = grown(2 * WHEEL_HALF_WIDTH_M, 2 * WHEEL_RADIUS_M)
         set_inertia(
             wheel,
-            robot.link_mass_kg[name],
+            WHEEL_KG * scale**3,
             center_m=(0.0, 0.0, 0.0),
             box_m=(across, width, across),
         )

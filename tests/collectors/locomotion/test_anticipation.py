@@ -12,7 +12,7 @@ pytest.importorskip("torch", reason="extra `train` is not installed")
 from vlnpe.collectors.locomotion.runtime import GaitPolicy
 from vlnpe.collectors.locomotion.runtime.card import save_card
 from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers, encode_layers
-from vlnpe.collectors.locomotion.runtime.observation import layout, past_steps, remember
+from vlnpe.collectors.locomotion.runtime.observation import layout, past_steps
 from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.locomotion.training import anticipate
 from vlnpe.collectors.locomotion.training.correction import HIDDEN, PAST, Correction, beside
@@ -70,17 +70,8 @@ def test_two_networks_beside_each_other_are_their_sum() -> None:
     )
 
 
-def test_the_history_holds_earlier_observations() -> None:
-    rng = np.random.default_rng(0)
+def test_the_blocks_say_how_many_steps_they_repeat() -> None:
     assert past_steps(layout(JOINTS, 4)) == 4 and past_steps(layout(JOINTS)) == 0
-    steps = rng.normal(0, 1, (9, 2, 14 + 3 * JOINTS))
-    tail = 3 * JOINTS
-    seen = None
-    for step in steps:
-        seen = remember(step, seen, JOINTS, 4)
-    assert seen is not None and seen.shape[1] == sum(w for _, w in layout(JOINTS, 4))
-    expected = [steps[8], *(steps[k][:, -tail:] for k in (7, 6, 5, 4))]
-    np.testing.assert_array_equal(seen, np.hstack(expected))
 
 
 def test_a_tiny_training_resumes_and_its_gait_stands(

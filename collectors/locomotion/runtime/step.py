@@ -1,0 +1,110 @@
+"""The step of a gait, for any number of robots: from commands to observations to joint targets."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from ....formats.core.kernel import kernel
+from ...robots import CommandLimits, RobotHandles
+from .gait import ClockState, GaitClock, GaitTables, aim_at, refer, tick
+from .observation import Places, layout, observe
+
+Array = NDArray[np.float64]
+
+
+class GaitStep:
+    """Observations and joint targets of N robots in one simulation.
+
+    Attributes:
+        observation: (N, D) in the order of `observation.layout`, as of the last `observe`.
+        clock: their gait clocks.
+        action: (N, P) the policy's last output, clipped.
+    """
+
+    def __init__(
+        self,
+        qpos: Array,
+        qvel: Array,
+        handles: RobotHandles,
+        gait: GaitClock,
+        limits: CommandLimits,
+        past: int = 0,
+        dtype: DTypeLike = np.float32,
+    ) -> None:
+        """Prepare the step.
+
+        Args:
+            qpos, qvel: (N, nq), (N, nv) memory of the simulation, read in every step.
+            handles: addresses of the robot in it.
+            limits: commands are clipped to them.
+            past: number of earlier steps in an observation.
+            dtype: type of the observation.
+        """
+        robot, count = handles.robot, len(qpos)
+        # Plain tuples: kernels take named ones only after a slow look at their type.
+        self._state = (qpos, qvel, *Places.of(handles))
+        self._limits = np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
+        self._default, self._tables = robot.default_joint_rad, tuple(gait.tables)
+        self._scale_rad = robot.action_scale_rad
+        width = sum(width for _, width in layout(robot.policy_joints, past))
+        self.observation = np.zeros((count, width), dtype)
+        self.clock = ClockState.standing(count)
+        self._clock = tuple(self.clock)
+        self.action = np.zeros((count, robot.policy_joints))
+        self._command = np.zeros((count, 3))
+        self._remembers = np.zeros(count, dtype=bool)
+        self._reference = np.zeros((count, len(self._default)))
+
+    def reset(self, robots: NDArray[np.intp] | slice = slice(None)) -> None:
+        """Forget the clock, the last action and the past, of some robots or all."""
+        for array in (*self.clock, self.action, self._remembers):
+            array[robots] = 0
+
+    def continue_from(self, other: GaitStep) -> None:
+        """Take over the memory of another step of the same robots."""
+        for new, old in zip(self._memory, other._memory, strict=True):
+            new[:] = old
+
+    @property
+    def _memory(self) -> tuple[NDArray, ...]:
+        return (*self.clock, self.action, self.observation, self._remembers)
+
+    def observe(self, command: ArrayLike) -> NDArray[np.floating]:
+        """Advance the clocks under commands (N, 3) in the base frame; return the observations."""
+        self._command[:] = command
+        _advance(
+            self._state, self._limits, self._command, self._tables, self._clock, self._default,
+            self.action, self._remembers, self.observation, self._reference,
+        )  # fmt: skip
+        return self.observation
+
+    def targets(self, output: NDArray[np.floating], clip: float) -> Array:
+        """Return servo targets (N, J) [rad]: default pose, reference and clipped outputs (N, P)."""
+        targets = self._default + self._reference
+        _add_action(output, clip, self._scale_rad, self.action, targets)
+        return targets
+
+
+@kernel()
+def _advance(state, limits, command, tables, clock, default, action, remembers, seen, reference):
+    """Clip the commands, advance the clocks, aim, observe and write the reference."""
+    qpos, qvel, root_qpos, root_dof, joint_qpos, joint_dof = state
+    places = Places(root_qpos, root_dof, joint_qpos, joint_dof)
+    tables, clock = GaitTables(*tables), ClockState(*clock)
+    for n in range(len(command)):
+        for axis in range(3):
+            command[n, axis] = min(max(command[n, axis], limits[axis, 0]), limits[axis, 1])
+    tick(tables, clock, command)
+    aim_at(tables, clock.command, command)
+    observe(qpos, qvel, places, default, command, clock, action, remembers, seen)
+    refer(tables, clock.phase, clock.moving, command, reference)
+
+
+@kernel()
+def _add_action(output, clip, scale, action, targets):
+    """Keep the clipped outputs (N, P) as actions; joints beyond P follow the reference alone."""
+    for n in range(len(targets)):
+        for j in range(output.shape[1]):
+            action[n, j] = min(max(np.float64(output[n, j]), -clip), clip)
+            targets[n, j] += scale * action[n, j]
