@@ -31,33 +31,20 @@ INK, QUIET = (38, 42, 48), (98, 106, 116)
 
 @dataclass(frozen=True)
 class StandingRobot:
-    """A robot standing in its default pose, its soles on the floor.
-
-    Attributes:
-        lower_m, upper_m: (3,) bounds of its visible shapes [m].
-    """
+    """A robot standing in its default pose, its soles on the floor."""
 
     robot: RobotSpec
     body: RobotBody
-    lower_m: Array
-    upper_m: Array
 
     @classmethod
     def of(cls, robot: RobotSpec) -> "StandingRobot":
         """Return `robot` in its default pose."""
-        body = RobotBody(robot.build_model(floor=False), robot.joint_names)
-        points = _points(cls._standing(robot, body, 0.0))
-        return cls(robot, body, points.min(0), points.max(0))
-
-    @staticmethod
-    def _standing(robot: RobotSpec, body: RobotBody, yaw_rad: float) -> RobotGeometryPose:
-        base = (0.0, 0.0, robot.spawn_height_m)
-        return body.pose(base, yaw_to_quat(yaw_rad), robot.default_joint_rad)
+        return cls(robot, RobotBody(robot.build_model(floor=False), robot.joint_names))
 
     @property
     def height_m(self) -> float:
         """Height of its highest point above the floor [m]."""
-        return float(self.upper_m[2])
+        return float(_points(self.standing(0.0))[:, 2].max())
 
     @property
     def camera_height_m(self) -> float:
@@ -69,7 +56,8 @@ class StandingRobot:
 
     def standing(self, yaw_rad: float) -> RobotGeometryPose:
         """Return the pose, turned about the vertical."""
-        return self._standing(self.robot, self.body, yaw_rad)
+        base = (0.0, 0.0, self.robot.spawn_height_m)
+        return self.body.pose(base, yaw_to_quat(yaw_rad), self.robot.default_joint_rad)
 
 
 def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE_PX) -> Picture:
@@ -81,13 +69,8 @@ def turntable(studio: SceneRenderer, robot: RobotSpec, tile_px2: int = TURNTABLE
     """
     standing = StandingRobot.of(robot)
     elevation, azimuth = np.deg2rad(ELEVATION_DEG), np.deg2rad(CAMERA_AZIMUTH_DEG)
-    away = np.array(
-        [
-            np.cos(elevation) * np.cos(azimuth),
-            np.cos(elevation) * np.sin(azimuth),
-            np.sin(elevation),
-        ]
-    )
+    flat = np.cos(elevation)
+    away = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
     # The robot turns, not the light; the first view shows its front and left.
     first = azimuth - np.deg2rad(32.0)
     poses = [standing.standing(first + 2 * np.pi * k / VIEWS) for k in range(VIEWS)]
@@ -111,7 +94,7 @@ def walking_strip(
 
     Args:
         studio: from `make_studio`.
-        stroll: two cycles of its gait, along +x or in place.
+        stroll: two cycles of its gait, along +x.
         tile_px2: area of a moment [px].
     """
     standing = StandingRobot.of(robot)
@@ -119,17 +102,13 @@ def walking_strip(
     moments = ticks.round().astype(int)
     # Every moment is moved back to the origin at the mean velocity, so that swaying stays visible.
     x, y = stroll.position_m[:, 0], stroll.position_m[:, 1]
-    way = np.polyval(np.polyfit(stroll.time_s, x, 1), stroll.time_s)
-    middle = np.array([0.0, float(y.mean()), 0.0])
-    poses = [
-        _turned_back(
-            standing.body.pose(
-                stroll.position_m[i] - middle, stroll.quat_wxyz[i], stroll.joint_rad[i]
-            )
-        )
-        for i in moments
+    steady = np.polyval(np.polyfit(stroll.time_s, x, 1), stroll.time_s)
+    middle, body = np.array([0.0, float(y.mean()), 0.0]), standing.body
+    states = [
+        (stroll.position_m[i] - middle, stroll.quat_wxyz[i], stroll.joint_rad[i]) for i in moments
     ]
-    centers = [np.array([-way[i], 0.0, 0.0]) for i in moments]
+    poses = [_turned_back(body.pose(*state)) for state in states]
+    centers = [np.array([-steady[i], 0.0, 0.0]) for i in moments]
     points = np.concatenate([_points(p) - c for p, c in zip(poses, centers, strict=True)])
     elevation = np.deg2rad(6.0)
     away = np.array([0.0, np.cos(elevation), np.sin(elevation)])
@@ -139,7 +118,7 @@ def walking_strip(
         tile = shot.take(studio, pose, center)
         _write(tile, (0.05, 0.935), f"{stroll.time_s[i]:.2f} s", 0.045, QUIET)
         tiles.append(tile)
-    facts = f"{_meters(standing.height_m)} tall · {stroll.doing} · {stroll.cycles}"
+    facts = f"{_meters(standing.height_m)} tall · {stroll.caption}"
     return _sheet(tiles, FRAMES // 2, title=robot.title, facts=facts)
 
 
@@ -219,14 +198,9 @@ def _turned_back(pose: RobotGeometryPose) -> RobotGeometryPose:
 
 def _points(pose: RobotGeometryPose) -> Array:
     """Return all corners of a posed body, world (N, 3) [m]."""
-    return np.concatenate(
-        [
-            surface.corners.reshape(-1, 3) @ rotation.T + position
-            for surface, rotation, position in zip(
-                pose.surfaces, pose.rotation_world, pose.position_world_m, strict=True
-            )
-        ]
-    )
+    parts = zip(pose.surfaces, pose.rotation_world, pose.position_world_m, strict=True)
+    corners = [s.corners.reshape(-1, 3) @ turn.T + position for s, turn, position in parts]
+    return np.concatenate(corners)
 
 
 def _meters(value: float) -> str:

@@ -138,9 +138,9 @@ def test_a_stroll_is_steady_and_straight(name: str):
     robot = get_robot(name)
     walk = stroll(robot)
     speed = min(0.8, robot.command_limits.vx_m_s[1])
-    way = walk.position_m[-1] - walk.position_m[0]
-    assert way[0] / walk.time_s[-1] == pytest.approx(speed, rel=0.12)
-    assert abs(way[1]) < 0.1 * way[0]
+    moved = walk.position_m[-1] - walk.position_m[0]
+    assert moved[0] / walk.time_s[-1] == pytest.approx(speed, rel=0.12)
+    assert abs(moved[1]) < 0.1 * moved[0]
     assert walk.joint_rad.shape == (len(walk.time_s), len(robot.joints))
     assert walk.position_m[:, 2] == pytest.approx(robot.base_height_m, rel=0.2)
 

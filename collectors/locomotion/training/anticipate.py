@@ -10,7 +10,6 @@ given to it, but it sees what the motors were told and did in the last 0.1 s. Wh
 time there is nothing to add, and the gait stays what it was.
 """
 
-import hashlib
 import logging
 import time
 from collections.abc import Sequence
@@ -25,21 +24,21 @@ from numpy.typing import NDArray
 
 from ....formats.core.atomic import atomic_file
 from ...robots import POLICY_DECIMATION, RobotSpec, get_robot
-from ..runtime.card import PolicyCard, save_card
+from ..runtime.card import PolicyCard
 from ..runtime.network import encode_layers
 from ..runtime.observation import layout
-from ..runtime.policy import GaitPolicy, policy_files
+from ..runtime.policy import GaitPolicy
 from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
 from .correction import PAST, Corrected, Correction, Samples, beside
-from .export import Array, layers_of, plain_card
+from .export import Array, install, layers_of, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
 
 log = logging.getLogger(__name__)
 ROBOTS, SECONDS = 160, 8.0  # of one round of walks
 LATE_SUBSTEPS = 14  # 70 ms
-KEPT_ROUNDS = 14  # older walks were led by a network that knew less
+RECENT_ROUNDS = 14  # older walks were led by a network that knew less
 FIRST_PASSES, PASSES, BATCH, RATE = 1.5, 4.0, 1024, 1e-3
 # Errors beyond this, of robots about to fall, count linearly.
 SMOOTH_L1 = 0.5
@@ -113,10 +112,10 @@ def _lessons(
             # as an offset from the reference of the step in which it will seem to be sent.
             shift = reference[t + steps - 1, who] - reference[t - 1, who]
             then[:, -joints:] = done[t - 1, who] - shift
-            wanted = gait.infer(then) + reference[t + steps, who] - reference[t, who]
+            target = gait.infer(then) + reference[t + steps, who] - reference[t, who]
             given.append(seen[t, who])
             now = seen[t, who, :width].astype(np.float64)
-            lacking.append(wanted - gait.infer(now))
+            lacking.append(target - gait.infer(now))
     return np.concatenate(given), np.concatenate(lacking).astype(np.float32)
 
 
@@ -158,23 +157,6 @@ def _card(card: PolicyCard, robot: RobotSpec) -> PolicyCard:
     return replace(card, observation=layout(robot.policy_joints, PAST), evaluation={})
 
 
-def _write(
-    gait: GaitPolicy, start: Path, correction: Correction, facts: dict[str, object], out: Path
-) -> None:
-    """Write network and card to `out`; the calibration stays."""
-    robot = gait.robot
-    content = encode_layers(*beside(layers_of(robot, start), correction.layers()))
-    card = replace(
-        _card(gait.card, robot),
-        network_sha256=hashlib.sha256(content).hexdigest(),
-        training={**gait.card.training, "anticipation": facts},
-    )
-    path, card_path = policy_files(robot, out)
-    with atomic_file(path) as temporary:
-        temporary.write_bytes(content)
-    save_card(card, card_path)
-
-
 def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int = 0) -> None:
     """Walk and learn for so many rounds in all, going on from those in `out`."""
     torch.set_num_threads(1)
@@ -198,8 +180,8 @@ def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int 
         if number == 0:
             correction.mean[:] = torch.from_numpy(lesson[0].mean(axis=0))
             correction.std[:] = torch.from_numpy(lesson[0].std(axis=0) + 1e-3)
-        kept = range(max(0, number + 1 - KEPT_ROUNDS), number + 1)
-        lessons = [_read(out / f"lessons-{k:03d}.npz") for k in kept]
+        recent = range(max(0, number + 1 - RECENT_ROUNDS), number + 1)
+        lessons = [_read(out / f"lessons-{k:03d}.npz") for k in recent]
         loss = learn(correction, lessons, PASSES if number else FIRST_PASSES, rng)
         cpu_s += time.process_time() - began
         log.info("round %d: %d samples, loss %.4f, %.0f CPU-s", number, samples, loss, cpu_s)
@@ -212,7 +194,10 @@ def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int 
             "of": gait.card.network_sha256,
             "late_substeps": LATE_SUBSTEPS,
         }
-        _write(gait, start, correction, facts, out)
+        training = {**gait.card.training, "anticipation": facts}
+        # The calibration stays.
+        content = encode_layers(*beside(layers_of(robot, start), correction.layers()))
+        install(robot, content, replace(_card(gait.card, robot), training=training), out)
 
 
 def _read(path: Path) -> tuple[Samples, Samples]:

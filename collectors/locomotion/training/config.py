@@ -16,7 +16,6 @@ class RewardWeights:
     vertical_velocity: float = -2.0
     roll_pitch_rate: float = -0.1
     tilt: float = -5.0
-    roll: float = 0.0
     base_height: float = -40.0
     torque: float = -1e-4
     joint_acceleration: float = -2.5e-7
@@ -28,7 +27,6 @@ class RewardWeights:
     sideways: float = -0.4
     stand_pose: float = -1.0
     stand_joint_velocity: float = -0.02
-    stand_drift: float = 0.0
     joint_limit: float = -5.0
 
 
@@ -45,17 +43,13 @@ class TrainingConfig:
         command_beyond: and from this much beyond them, for vx, vy [m/s] and yaw [rad/s].
         swing_height_m: height of the foot's arc above the ground.
         high_swing: weight of being above that arc, over that of being below.
-        stand_joint_rad: pose to stand in, per leg, at the base height wanted.
+        stand_joint_rad: pose to stand in, per leg, at the robot's base height.
         yaw_widths: squared widths [(rad/s)²] of the bells that reward the turn rate.
         linear_mean_widths, yaw_mean_widths: squared widths [(m/s)², (rad/s)²] of the bells that
             reward the mean velocity.
         friction, mass_scale, gain_scale: ranges drawn once per simulation.
         com_shift_m: largest shift of the base's centre of mass along each axis.
-        latency_substeps: largest delay of an action, in physics steps, of most simulations.
-        late_share, late_substeps: share of simulations with larger delays, and their largest.
-        stop_share, stop_s: how often a new command is "stop at once" for one that walks, and the
-            range of times it then stands.
-        hurried_share: share of simulations that get discrete actions in VLN-PE's timing.
+        latency_substeps: largest delay of an action, in physics steps.
         fall_slack: an episode ends at this many times the robot's roll and pitch thresholds; above
             1 there is something to recover from.
         push_m_s, push_s: largest kick of the base and range of times between kicks.
@@ -84,11 +78,6 @@ class TrainingConfig:
     gain_scale: tuple[float, float] = (0.9, 1.1)
     com_shift_m: float = 0.02
     latency_substeps: int = 4
-    late_share: float = 0.0
-    late_substeps: int = 12
-    stop_share: float = 0.0
-    stop_s: tuple[float, float] = (1.5, 3.0)
-    hurried_share: float = 0.0
     fall_slack: float = 1.3
     push_m_s: float = 0.6
     push_s: tuple[float, float] = (3.0, 6.0)
@@ -155,21 +144,6 @@ def ppo_config(config: TrainingConfig, seed: int) -> dict[str, Any]:
     }
 
 
-def refinement_config(config: TrainingConfig, seed: int, symmetry: Any) -> dict[str, Any]:
-    """Return the same for a refinement: an actor that is symmetric by construction."""
-    ppo = ppo_config(config, seed)
-    model = "vlnpe.collectors.locomotion.training.mirror:SymmetricModel"
-    ppo["actor"] |= {"class_name": model, "symmetry": symmetry}
-    # A clipped critic moves by 0.2 an iteration, and has to rise to about 15; more passes over the
-    # same samples follow their noise.
-    ppo["algorithm"] |= {
-        "symmetry_cfg": None,
-        "use_clipped_value_loss": False,
-        "num_learning_epochs": 2,
-    }
-    return ppo
-
-
 # Actions of half the Aliengo's scale are twice as large, torques an order of magnitude.
 _HUMANOID = RewardWeights(
     torque=-1e-5,
@@ -192,7 +166,7 @@ G1_FLAT = replace(
     stand_joint_rad=(-0.109, 0.0, 0.0, 0.3, -0.191, 0.0),
     rewards=replace(_HUMANOID, torque=-2e-5),
 )
-# Nearer to the wanted velocity than the first phase asks for.
+# Nearer to the commanded velocity than the first phase asks for.
 ALIENGO_FLAT = TrainingConfig(
     rewards=RewardWeights(track_linear_mean=2.5, track_yaw_mean=1.25),
     linear_mean_widths=(0.006, 0.09),
@@ -217,43 +191,9 @@ def _hard(flat: TrainingConfig) -> TrainingConfig:
     )
 
 
-def _refine(flat: TrainingConfig, yaw_mean: float, hurried: float) -> TrainingConfig:
-    """Return a phase that starts from a gait: stops, late and hurried actions, ramps, posture."""
-    rewards = replace(
-        flat.rewards,
-        roll=-45.0,
-        stand_drift=-6.0,
-        track_linear=3.0,
-        track_linear_mean=5.0,
-        track_yaw=1.5,
-        track_yaw_mean=yaw_mean,
-    )
-    return replace(
-        _hard(flat),
-        rewards=rewards,
-        # Robust gaits walk too slowly: their calibration asks for much more than it wants.
-        command_beyond=(0.4, 0.35, 0.7),
-        swing_height_m=0.06,
-        high_swing=2.0,
-        yaw_widths=(0.25, 0.05),
-        late_share=0.4,
-        stop_share=0.35,
-        hurried_share=hurried,
-        command_s=(1.0, 5.0),
-        push_m_s=0.8,
-        push_s=(3.0, 6.0),
-        init_std=0.2,
-        kl=0.015,
-        entropy=0.0,
-    )
-
-
 def _polish(flat: TrainingConfig) -> TrainingConfig:
     """Return a phase on level ground, with gentler kicks and no exploration: exact speeds."""
-    return _smooth(_hard(flat))
-
-
-def _smooth(rough: TrainingConfig) -> TrainingConfig:
+    rough = _hard(flat)
     return replace(rough, terrain="flat", push_m_s=0.7, push_s=(3.0, 6.0), entropy=0.0)
 
 
@@ -266,21 +206,4 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     ),
     "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
-}
-
-
-def _settle(refined: TrainingConfig) -> TrainingConfig:
-    """Return the smaller moves and more weight on obeying."""
-    rewards = replace(refined.rewards, track_linear_mean=8.0, track_yaw_mean=3.0)
-    return replace(refined, rewards=rewards, kl=0.008)
-
-
-# The same for a training that starts from an installed gait.
-REFINEMENTS: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
-    name: ((_refine(flat, yaw_mean, 0.05), 600), (_settle(_refine(flat, yaw_mean, 0.05)), 300))
-    for name, flat, yaw_mean in (
-        ("aliengo", ALIENGO_FLAT, 1.25),
-        ("h1", H1_FLAT, 1.5),
-        ("g1", G1_FLAT, 3.0),
-    )
 }

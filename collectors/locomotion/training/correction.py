@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from ...robots import RobotSpec
 from ..runtime.network import Network
-from .export import Array, with_mirror_image
+from .export import Array, folded_layers, with_mirror_image
 from .mirror import Symmetry
 
 Samples = NDArray[np.float32]
@@ -47,12 +47,8 @@ class Correction(torch.nn.Module):
 
     def layers(self) -> tuple[list[Array], list[Array]]:
         """Return weights and biases of the same as a plain network."""
-        linear = [layer for layer in self.mlp if isinstance(layer, torch.nn.Linear)]
-        weights = [layer.weight.detach().numpy().astype(np.float64) for layer in linear]
-        biases = [layer.bias.detach().numpy().astype(np.float64) for layer in linear]
-        weights[0] = weights[0] / self.std.numpy().astype(np.float64)
-        biases[0] = biases[0] - weights[0] @ self.mean.numpy().astype(np.float64)
-        return with_mirror_image(weights, biases, self.symmetry)
+        mean, std = (values.numpy().astype(np.float64) for values in (self.mean, self.std))
+        return with_mirror_image(*folded_layers(self.mlp, mean, std), self.symmetry)
 
 
 class Corrected:

@@ -79,7 +79,7 @@ class GaitEnv(VecEnv):
         latency = draw_latency(rng, config)
         self._pipe = TargetPipe(latency)
         self.physical = np.column_stack([self.physical, latency])
-        self._schedule = Schedule(robot, config, self.gait, rng)
+        self._schedule = Schedule(robot, config, rng)
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
         self._allocate()

@@ -1,8 +1,9 @@
-"""Convert a trained actor to the network that replays run, and back for a refinement."""
+"""Convert a trained actor to the network that replays run."""
 
 import hashlib
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ....formats.core.atomic import atomic_file
+from ....formats.core.atomic import write_bytes
 from ...robots import RobotSpec
 from ..runtime.card import PolicyCard, load_card, save_card
 from ..runtime.gait import RATE_HZ
@@ -18,33 +19,41 @@ from ..runtime.network import decode_layers, encode_layers
 from ..runtime.observation import layout
 from ..runtime.policy import policy_files
 from .config import TrainingConfig
-from .env import GaitEnv
 from .gaits import GAITS
 from .mirror import Symmetry
 
 Array = NDArray[np.float64]
-LOOK_STEPS = 200  # policy steps over which the observations' mean and spread are taken
 
 
-def encode_actor(actor: torch.nn.Module, mirror: Symmetry | None = None) -> bytes:
+def encode_actor(actor: Any, mirror: Symmetry | None = None) -> bytes:
     """Serialise `rsl_rl`'s actor (normaliser and ELU network); see `encode_layers`.
 
-    The observation normalisation is folded into the first layer, so that the file needs nothing
-    beside it. With `mirror` the file holds the mean of the network and its mirror image, which is
-    exactly symmetric where training only comes near: the two stand side by side in one network of
-    twice the width.
+    With `mirror` the file holds the mean of the network and its mirror image, which is exactly
+    symmetric where training only comes near: the two stand side by side in one network of twice
+    the width.
     """
-    linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]  # type: ignore[attr-defined]
     normalizer = actor.obs_normalizer
-    mean = normalizer.mean.numpy().astype(np.float64)  # type: ignore[operator, union-attr]
-    std = normalizer.std.numpy().astype(np.float64) + normalizer.eps  # type: ignore[operator, union-attr]
-    weights = [layer.weight.detach().numpy().astype(np.float64) for layer in linear]
-    biases = [layer.bias.detach().numpy().astype(np.float64) for layer in linear]
-    weights[0] = weights[0] / std
-    biases[0] = biases[0] - weights[0] @ mean
+    std = _float64(normalizer.std) + normalizer.eps
+    weights, biases = folded_layers(actor.mlp, _float64(normalizer.mean), std)
     if mirror is not None:
         weights, biases = with_mirror_image(weights, biases, mirror)
     return encode_layers(weights, biases)
+
+
+def folded_layers(
+    mlp: torch.nn.Sequential, mean: Array, std: Array
+) -> tuple[list[Array], list[Array]]:
+    """Return weights and biases; the normalisation of the observations is in the first layer."""
+    linear = [layer for layer in mlp if isinstance(layer, torch.nn.Linear)]
+    weights = [_float64(layer.weight) for layer in linear]
+    biases = [_float64(layer.bias) for layer in linear]
+    weights[0] = weights[0] / std
+    biases[0] = biases[0] - weights[0] @ mean
+    return weights, biases
+
+
+def _float64(values: torch.Tensor) -> Array:
+    return values.detach().numpy().astype(np.float64)
 
 
 def with_mirror_image(
@@ -77,12 +86,6 @@ def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
     return np.eye(len(order))[order.numpy()] * signs.numpy()[:, None]
 
 
-def motor_speeds(robot: RobotSpec) -> tuple[float | None, ...]:
-    """Return the maximum speed of each joint's motor [rad/s], as listed on the card."""
-    speeds = (joint.speed_rad_s for joint in robot.joints)
-    return tuple(speed if math.isfinite(speed) else None for speed in speeds)
-
-
 def write_policy(
     robot: RobotSpec,
     config: TrainingConfig,
@@ -92,6 +95,7 @@ def write_policy(
 ) -> None:
     """Write `<robot>.safetensors` and `<robot>.json` (without an evaluation yet) into `folder`."""
     content = encode_actor(actor, Symmetry.of(robot))
+    speeds = (joint.speed_rad_s for joint in robot.joints)
     card = PolicyCard(
         robot=robot.name,
         physics_hash=robot.physics_hash(),
@@ -103,17 +107,21 @@ def write_policy(
         kp=tuple(joint.kp for joint in robot.joints),
         kd=tuple(joint.kd for joint in robot.joints),
         torque_nm=tuple(joint.torque_nm for joint in robot.joints),
-        speed_rad_s=motor_speeds(robot),
+        speed_rad_s=tuple(s if math.isfinite(s) else None for s in speeds),
         rate_hz=RATE_HZ,
         gait=GAITS[robot.name],
-        network_sha256=hashlib.sha256(content).hexdigest(),
+        network_sha256="",
         training=training,
         evaluation={},
     )
+    install(robot, content, card, folder)
+
+
+def install(robot: RobotSpec, content: bytes, card: PolicyCard, folder: Path) -> None:
+    """Write a network's file and its card, with the network's digest, into a folder."""
     path, card_path = policy_files(robot, folder)
-    with atomic_file(path) as temporary:
-        temporary.write_bytes(content)
-    save_card(card, card_path)
+    write_bytes(path, content)
+    save_card(replace(card, network_sha256=hashlib.sha256(content).hexdigest()), card_path)
 
 
 def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
@@ -129,55 +137,3 @@ def plain_card(robot: RobotSpec, folder: Path) -> PolicyCard:
             "that it was made from (docs/results/gaits.md, Acting ahead of a delay)"
         )
     return card
-
-
-def start_from(robot: RobotSpec, folder: Path, env: GaitEnv, actor: Any) -> None:
-    """Give a fresh actor the weights of `<robot>.safetensors`, undoing what `export.py` folded in.
-
-    An exported network is the mean of an actor and its mirror image side by side: its first half
-    is the actor. What the export folded into the first layer, the observations' normalisation, is
-    taken from a walk of the environment under that network and then factored out again.
-
-    Args:
-        robot: whose gait.
-        folder: of the gait.
-        env: walked for 4 s.
-        actor: `rsl_rl`'s, with a normaliser and an ELU network of half the exported widths.
-    """
-    plain_card(robot, folder)
-    weights, biases = layers_of(robot, folder)
-    linear = [layer for layer in actor.mlp if isinstance(layer, torch.nn.Linear)]
-    for i, layer in enumerate(linear):
-        rows, columns = layer.weight.shape
-        last = i == len(linear) - 1
-        weights[i] = weights[i][:rows, :columns] * (2.0 if last else 1.0)
-        biases[i] = biases[i][:rows]
-    seen = _walk(env, weights, biases)
-    normalizer = actor.obs_normalizer
-    normalizer._mean[:] = torch.from_numpy(seen.mean(axis=0)).float()
-    normalizer._var[:] = torch.from_numpy(seen.var(axis=0)).float()
-    normalizer._std[:] = torch.sqrt(normalizer._var)
-    # So much seen that a training's first steps do not move it from under the weights.
-    normalizer.count.fill_(len(seen))
-    biases[0] = biases[0] + weights[0] @ normalizer.mean.double().numpy()
-    weights[0] = weights[0] * (normalizer.std.double().numpy() + normalizer.eps)
-    with torch.no_grad():
-        for layer, weight, bias in zip(linear, weights, biases, strict=True):
-            layer.weight[:] = torch.from_numpy(weight).float()
-            layer.bias[:] = torch.from_numpy(bias).float()
-
-
-def _walk(env: GaitEnv, weights: list[np.ndarray], biases: list[np.ndarray]) -> np.ndarray:
-    """Return the observations (K, D) of a walk of all simulations under a plain network."""
-    seen = []
-    for _ in range(LOOK_STEPS):
-        observation = env.get_observations()["policy"].numpy().astype(np.float64)
-        seen.append(observation)
-        value = observation
-        for i, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
-            value = value @ weight.T + bias
-            if i < len(weights) - 1:
-                value = np.where(value > 0, value, np.expm1(np.minimum(value, 0.0)))
-        env.step(torch.from_numpy(value.astype(np.float32)))
-    env.statistics.clear()
-    return np.concatenate(seen)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from rsl_rl.models import MLPModel
 from tensordict import TensorDict
 
 from ...robots import RobotSpec
@@ -94,34 +93,3 @@ def mirrored(
         image = actions[:, mirror.joint_order] * mirror.joint_signs
         actions = torch.cat([actions, image])
     return obs, actions
-
-
-class SymmetricModel(MLPModel):
-    """`rsl_rl`'s actor made exactly symmetric: the mean of the network and its mirror image.
-
-    This is what `export.py` writes. Exploring with it, instead of with one half and a mirror loss,
-    lets a refinement begin as the exported gait, and every sample teach both sides.
-    """
-
-    def __init__(self, *args: Any, symmetry: Symmetry, **kwargs: Any) -> None:
-        """Build the model, with the robot's symmetry; see `MLPModel` for the other arguments."""
-        super().__init__(*args, **kwargs)
-        self.symmetry = symmetry
-
-    def forward(
-        self,
-        obs: TensorDict,
-        masks: torch.Tensor | None = None,
-        hidden_state: Any = None,
-        stochastic_output: bool = False,
-    ) -> torch.Tensor:
-        """Return the mean or sample of the actions; see `MLPModel.forward`."""
-        mirror, seen = self.symmetry, obs["policy"]
-        image = seen[:, mirror.observation_order] * mirror.observation_signs
-        mean, other = self.mlp(self.obs_normalizer(torch.cat([seen, image]))).chunk(2)
-        mean = 0.5 * (mean + other[:, mirror.joint_order] * mirror.joint_signs)
-        assert self.distribution is not None
-        if stochastic_output:
-            self.distribution.update(mean)
-            return self.distribution.sample()
-        return self.distribution.deterministic_output(mean)

@@ -18,10 +18,7 @@ ACTIONS = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, np.pi / 3), (0.0, 0.0, -np.pi / 
 
 
 def sample_commands(rng: np.random.Generator, count: int, bounds: Array) -> Array:
-    """Return the random commands (count, 3), uniform within bounds (3, 2) of `command_bounds`.
-
-    Some axes 0.
-    """
+    """Return random commands (count, 3) within the bounds (3, 2); some axes are 0."""
     command = rng.uniform(bounds[:, 0], bounds[:, 1], (count, 3))
     kind = rng.choice(len(KINDS), count, p=list(KINDS.values()))
     mask = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 1], [1, 0, 1], [0, 0, 0]])
@@ -39,8 +36,7 @@ def randomize_models(
     """Draw friction, masses, centre of mass and servo gains for every simulation, once.
 
     Returns:
-        (N, 6) what was drawn (friction, mass scale, gain scale, shift of the centre of mass), for
-        the critic's eyes only.
+        (N, 6) friction, mass scale, gain scale and shift of the centre of mass, for the critic.
     """
     n = batch.nsim
     friction = rng.uniform(*config.friction, n)
@@ -59,8 +55,5 @@ def randomize_models(
 
 
 def draw_latency(rng: np.random.Generator, config: TrainingConfig) -> NDArray[np.intp]:
-    """Return delays (N,) of the actions [physics steps]: most up to 20 ms, some up to 60 ms."""
-    n = config.envs
-    usual = rng.integers(0, config.latency_substeps + 1, n)
-    late = rng.integers(0, config.late_substeps + 1, n)
-    return np.where(rng.random(n) < config.late_share, late, usual)
+    """Return delays (N,) of the actions [physics steps], up to `latency_substeps`."""
+    return rng.integers(0, config.latency_substeps + 1, config.envs)

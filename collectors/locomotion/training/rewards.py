@@ -81,7 +81,6 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
         "vertical_velocity": s.linear_velocity[:, 2] ** 2,
         "roll_pitch_rate": np.sum(s.angular_velocity[:, :2] ** 2, axis=1),
         "tilt": np.sum(s.gravity[:, :2] ** 2, axis=1),
-        "roll": s.gravity[:, 1] ** 2,
         "base_height": (s.height_m - body.base_height_m) ** 2,
         "torque": np.sum(s.torque_nm**2, axis=1),
         "joint_acceleration": np.sum(s.joint_acceleration**2, axis=1),
@@ -94,6 +93,5 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
         "sideways": np.sum((s.joint_rad - body.default_joint_rad)[:, body.sideways] ** 2, axis=1),
         "stand_pose": np.sum(np.abs(s.joint_rad - body.stand_joint_rad), axis=1) * still,
         "stand_joint_velocity": np.sum(s.joint_rad_s**2, axis=1) * still,
-        "stand_drift": np.minimum(np.linalg.norm(s.linear_velocity[:, :2], axis=1), 0.5) * still,
         "joint_limit": np.sum(beyond, axis=1),
     }

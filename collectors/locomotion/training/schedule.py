@@ -4,11 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...robots import RobotSpec
-from ..runtime.gait import GaitClock
 from ..trials.aim import command_bounds
 from ..trials.trial import STEP_S
 from .config import TrainingConfig
-from .randomize import ACTION_S, sample_actions, sample_commands
+from .randomize import sample_commands
 
 Array = NDArray[np.float64]
 NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet
@@ -24,15 +23,12 @@ class Schedule:
         kick: (N, 2) next change of the base's velocity, in the world [m/s].
     """
 
-    def __init__(
-        self, robot: RobotSpec, config: TrainingConfig, gait: GaitClock, rng: np.random.Generator
-    ) -> None:
+    def __init__(self, robot: RobotSpec, config: TrainingConfig, rng: np.random.Generator) -> None:
         n = config.envs
-        self._config, self._gait, self._rng = config, gait, rng
+        self._config, self._rng = config, rng
         self._bounds = command_bounds(
             robot.command_limits, config.command_margin, config.command_beyond
         )
-        self._hurried = rng.random(n) < config.hurried_share
         self.target, self._upcoming = np.zeros((n, 3)), np.zeros((n, 3))
         self._next_command_s, self._upcoming_s = np.zeros(n), np.zeros(n)
         self.kick, self._next_push_s = np.zeros((n, 2)), np.zeros(n)
@@ -47,7 +43,7 @@ class Schedule:
         self.change_commands(age)
 
     def change_commands(self, age: NDArray[np.int64]) -> None:
-        """Give new commands to those whose time has come; every other one stops after a walk."""
+        """Give new commands to the robots whose time has come."""
         due = np.flatnonzero(age * STEP_S >= self._next_command_s)
         if not len(due):
             return
@@ -76,20 +72,8 @@ class Schedule:
 
     def _draw_command(self, due: NDArray[np.intp]) -> None:
         """Draw the commands that follow the present ones, and how long they will last."""
-        rng, config = self._rng, self._config
-        walked = self._gait.moving(self.target[due])
-        stop = walked & (rng.random(len(due)) < config.stop_share)
-        hurried = self._hurried[due]
-        wait = rng.uniform(*config.command_s, len(due))
-        wait = np.where(stop, rng.uniform(*config.stop_s, len(due)), wait)
-        fresh = sample_commands(rng, len(due), self._bounds)
-        # Like discrete actions in VLN-PE's timing: a step or a turn each quarter of a second.
-        wait[hurried] = ACTION_S * rng.integers(1, 5, hurried.sum())
-        fresh[hurried] = sample_actions(rng, int(hurried.sum()))
-        stop &= ~hurried | (rng.random(len(due)) < 0.2)
-        wait[hurried & stop] = rng.uniform(*config.stop_s, int((hurried & stop).sum()))
-        self._upcoming[due] = np.where(stop[:, None], 0.0, fresh)
-        self._upcoming_s[due] = wait
+        self._upcoming_s[due] = self._rng.uniform(*self._config.command_s, len(due))
+        self._upcoming[due] = sample_commands(self._rng, len(due), self._bounds)
 
     def _draw_kick(self, due: NDArray[np.intp]) -> None:
         angle = self._rng.uniform(0, 2 * np.pi, len(due))

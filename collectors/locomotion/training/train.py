@@ -24,13 +24,11 @@ from ....formats.core.errors import UnknownNameError, VlnpeError
 from ...robots import RobotSpec, get_robot
 from ..runtime.card import POLICY_FOLDER
 from ..trials.terrain import Terrain, rough_terrain
-from .config import PHASES, REFINEMENTS, ppo_config, refinement_config
+from .config import PHASES, ppo_config
 from .env import GaitEnv
-from .export import plain_card, start_from, write_policy
+from .export import write_policy
 
 log = logging.getLogger(__name__)
-CRITIC_ITERATIONS = 25  # of a refinement, before the actor learns
-AVERAGING = 0.98  # decay of a refinement's mean weights, per iteration
 CHUNK = 10  # iterations per line of the learning curve
 
 
@@ -45,7 +43,6 @@ class Arguments:
         threads: number of threads for physics.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
-        refine: folder of a gait to start from, with the phases for that (`REFINEMENTS`).
     """
 
     robot: tyro.conf.Positional[str]
@@ -54,7 +51,6 @@ class Arguments:
     threads: int = 2
     publish: bool = False
     iterations: int | None = None
-    refine: Path | None = None
 
 
 def run(arguments: Arguments) -> None:
@@ -67,14 +63,7 @@ def run(arguments: Arguments) -> None:
         raise UnknownNameError("robot to train", arguments.robot, PHASES)
     robot = get_robot(arguments.robot)
     out = arguments.out or Path("runs") / f"gait-{robot.name}"
-    train(
-        robot,
-        out,
-        arguments.seed,
-        arguments.threads,
-        arguments.iterations,
-        arguments.refine,
-    )
+    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
     if arguments.publish:
         # Late, because it needs more than training does.
         from ..trials.evaluate import publish
@@ -83,25 +72,16 @@ def run(arguments: Arguments) -> None:
 
 
 def train(
-    robot: RobotSpec,
-    out: Path,
-    seed: int,
-    threads: int,
-    iterations: int | None = None,
-    refine: Path | None = None,
+    robot: RobotSpec, out: Path, seed: int, threads: int, iterations: int | None = None
 ) -> None:
-    """Run all phases of the robot's training, going on from the last checkpoint in `out`.
-
-    With `refine`, a folder, it starts from the gait in there and runs the phases of a refinement.
-    """
+    """Run all phases of the robot's training, going on from the last checkpoint in `out`."""
     # The networks are small: more torch threads cost more than they give.
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
-    first, progress = 0, {}
-    phases = (REFINEMENTS if refine else PHASES)[robot.name]
-    for number, (phase, planned) in enumerate(phases):
+    first = 0
+    for number, (phase, planned) in enumerate(PHASES[robot.name]):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
             progress = torch.load(checkpoint, weights_only=True)["infos"]
@@ -114,81 +94,35 @@ def train(
         torch.manual_seed(seed + done)
         terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
         env = GaitEnv(robot, phase, terrain, rng, threads)
-        ppo = refinement_config(phase, seed, env.symmetry) if refine else ppo_config(phase, seed)
-        runner = OnPolicyRunner(env, {**ppo, "multi_gpu": None})
+        runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
         if checkpoint.exists():
             runner.load(str(checkpoint))
-        if refine:
-            # A normaliser that drifts moves a finished policy more than learning does.
-            normalizer: Any = runner.alg.actor.obs_normalizer
-            normalizer.until = 0
-            if not checkpoint.exists():
-                _start_refining(robot, refine, env, runner)
-        average = progress.get("average") or _weights(runner)
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
-            if not refine:
-                env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
-                env.smoothness_scale = min(1.0, 0.2 + done / 300)
+            env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+            env.smoothness_scale = min(1.0, 0.2 + done / 300)
             count = min(CHUNK, last - done)
-            for _ in range(count):
-                runner.learn(1)
-                for name, value in _weights(runner).items():
-                    average[name].lerp_(value, 1.0 - AVERAGING)
+            runner.learn(count)
             done += count
             samples += count * phase.envs * phase.steps
             wall_s += time.monotonic() - started
             _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
             progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
             with atomic_file(checkpoint) as temporary:
-                runner.save(str(temporary), {**progress, "average": average})
+                runner.save(str(temporary), progress)
             if done % 50 == 0 or done == last:
-                facts = _facts(robot, seed, progress, refine)
-                actor, last_weights = runner.alg.get_policy(), _weights(runner)
-                if refine:
-                    # Single iterations of a refinement are mostly noise; their average is not.
-                    actor.load_state_dict(average, strict=False)
-                write_policy(robot, phase, actor, facts, out)
-                actor.load_state_dict(last_weights, strict=False)
+                facts = _facts(robot, seed, progress)
+                write_policy(robot, phase, runner.alg.get_policy(), facts, out)
         first = last
 
 
-def _weights(runner: OnPolicyRunner) -> dict[str, torch.Tensor]:
-    """Return a copy of the actor's weights, without its normaliser."""
-    return {
-        k: v.detach().clone() for k, v in runner.alg.get_policy().mlp.named_parameters(prefix="mlp")
-    }
-
-
-def _start_refining(robot: RobotSpec, folder: Path, env: GaitEnv, runner: OnPolicyRunner) -> None:
-    """Take over the gait in a folder, and let the critic learn what it is worth first."""
-    algorithm = runner.alg
-    start_from(robot, folder, env, algorithm.actor)
-    schedule, rate = algorithm.schedule, algorithm.learning_rate
-    algorithm.schedule = "fixed"
-    algorithm.actor.requires_grad_(False)
-    runner.learn(CRITIC_ITERATIONS)
-    algorithm.actor.requires_grad_(True)
-    algorithm.schedule, algorithm.learning_rate = schedule, 0.3 * rate
-    for group in algorithm.optimizer.param_groups:
-        group["lr"] = algorithm.learning_rate
-
-
-def _facts(
-    robot: RobotSpec, seed: int, progress: dict[str, Any], refine: Path | None
-) -> dict[str, Any]:
-    phases = (REFINEMENTS if refine else PHASES)[robot.name]
-    start = {}
-    if refine:
-        card = plain_card(robot, refine)
-        start = {"start": {"network_sha256": card.network_sha256, "training": card.training}}
+def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
         "seed": seed,
         **progress,
-        **start,
-        "phases": [{**asdict(p), "iterations": count} for p, count in phases],
+        "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
         "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
     }
 

@@ -1,7 +1,6 @@
 """Training of gaits: a tiny run really learns, stops, goes on and exports what it learned."""
 
 import csv
-import hashlib
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,15 +11,13 @@ import pytest
 pytest.importorskip("rsl_rl", reason="extra `train` is not installed")
 
 import torch
-from rsl_rl.runners import OnPolicyRunner
 from tensordict import TensorDict
 
 from vlnpe.collectors.locomotion.runtime import GaitPolicy
-from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers, encode_layers
+from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout
-from vlnpe.collectors.locomotion.training import export, train
-from vlnpe.collectors.locomotion.training.blend import blended
-from vlnpe.collectors.locomotion.training.config import PHASES, TrainingConfig, refinement_config
+from vlnpe.collectors.locomotion.training import train
+from vlnpe.collectors.locomotion.training.config import PHASES, TrainingConfig
 from vlnpe.collectors.locomotion.training.env import GaitEnv
 from vlnpe.collectors.locomotion.training.export import encode_actor
 from vlnpe.collectors.locomotion.training.gaits import GAITS
@@ -116,39 +113,6 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
     np.testing.assert_allclose(here, mean, atol=2e-5)
 
 
-def test_a_refinement_starts_as_the_gait_it_starts_from(robot, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(export, "LOOK_STEPS", 20)
-    monkeypatch.setattr(train, "CRITIC_ITERATIONS", 1)
-    monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 1),)})
-    monkeypatch.setattr(train, "REFINEMENTS", {robot.name: ((tiny(robot), 1),)})
-    source = tmp_path / "start"
-    train.train(robot, source, seed=0, threads=1)
-    started = []
-    refining = train._start_refining
-
-    def start(*arguments):
-        refining(*arguments)
-        started.append(encode_actor(arguments[3].alg.actor, Symmetry.of(robot)))
-
-    monkeypatch.setattr(train, "_start_refining", start)
-    train.train(robot, tmp_path, seed=0, threads=1, refine=source)
-    first = (source / f"{robot.name}.safetensors").read_bytes()
-    inputs = sum(width for _, width in layout(robot.policy_joints))
-    observation = np.random.default_rng(0).normal(0, 0.3, (32, inputs)).astype(np.float32)
-    np.testing.assert_allclose(act(started[0], observation), act(first, observation), atol=2e-3)
-    # One iteration later it is another one, which says where it comes from.
-    card = GaitPolicy.load(robot, tmp_path).card
-    assert (tmp_path / f"{robot.name}.safetensors").read_bytes() != started[0]
-    assert card.training["start"]["network_sha256"] == hashlib.sha256(first).hexdigest()
-    # Half of it is between both.
-    before, after = export.layers_of(robot, source), export.layers_of(robot, tmp_path)
-    none = encode_layers(*blended(before, after, 0.0))
-    np.testing.assert_array_equal(act(none, observation), act(first, observation))
-    half = encode_layers(*blended(before, after, 0.5))
-    far = np.abs(act(half, observation) - act(first, observation)).max()
-    assert 0.0 < far < 0.5
-
-
 def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
     monkeypatch.setattr(train, "PHASES", {"h1": ((tiny(get_robot("h1")), 1),)})
     monkeypatch.setattr("sys.argv", ["train", "h1", "--out", str(tmp_path), "--threads", "1"])
@@ -189,26 +153,6 @@ def test_mirrored_batches_are_appended(robot):
     # The first joint, abduction or hip yaw, changes sides; a G1's hip pitch does not.
     sign = 1.0 if "pitch" in robot.joint_names[0] else -1.0
     assert actions[8:, 0].tolist() == [sign] * 8
-
-
-def test_a_refined_actor_is_the_exported_network_and_symmetric(robot):
-    env = GaitEnv(robot, tiny(robot), Terrain(), np.random.default_rng(0), threads=1)
-    ppo = refinement_config(tiny(robot), 0, env.symmetry)
-    torch.manual_seed(0)
-    actor: Any = OnPolicyRunner(env, {**ppo, "multi_gpu": None}).alg.actor
-    actor.eval()
-    observation = env.get_observations()
-    both, _ = mirrored(env, observation, None)
-    assert both is not None
-    with torch.no_grad():
-        action = actor(both)
-    _, twice = mirrored(env, None, action[:8])
-    assert twice is not None
-    # What it does in the mirror image is the mirror image of what it does.
-    torch.testing.assert_close(action, twice)
-    exported = encode_actor(actor, env.symmetry)
-    found = act(exported, both["policy"].numpy())
-    np.testing.assert_allclose(found, action.numpy(), atol=1e-4)
 
 
 def test_the_critic_knows_the_next_command_before_it_comes(robot):
