@@ -33,7 +33,6 @@ class Options:
         seeds: of built-in apartments.
         held_out: how many of the seeds reserved for the final check; none while tuning.
         scenes: real scans by name, `all` or none.
-        fillers: compare other fillers on the first so many apartments and all real scans.
         speed: measure time and memory again, which takes minutes on an idle core.
         walks: number of holes to walk over again.
         complete: everything, 40 apartments among it, and write README.md: half an hour or more.
@@ -47,7 +46,6 @@ class Options:
     seeds: tuple[int, ...] = TUNING_SEEDS
     held_out: int = 0
     scenes: tuple[str, ...] = ("all",)
-    fillers: int = 4
     speed: bool = False
     walks: int = 0
     complete: bool = False
@@ -85,15 +83,11 @@ def sections(options: Options) -> list[str]:
             if "all" in options.scenes or case.scene in options.scenes
         ],
     }
-    compared = {*groups[report.TUNING][: options.fillers], *groups[report.REAL]}
-    if options.fillers == 0:
-        compared = set()
     cases = [case for group in groups.values() for case in group]
-    done = dict(zip(cases, _results(cases, compared, options), strict=True))
+    done = dict(zip(cases, _results(cases, options), strict=True))
     lines = [report.INTRODUCTION.format(machine=_machine())]
     for title, members in groups.items():
         lines += report.group_section(title, [(case, done[case]) for case in members])
-    lines += report.filler_section([(case, done[case]) for case in cases])
     scans, folder = options.run / "scans", options.run
     measured = speed.measure(scans, folder) if options.speed else None
     runs = kept_rows(folder, "speed", speed.Run, measured)
@@ -103,18 +97,17 @@ def sections(options: Options) -> list[str]:
     return lines + report.walk_section(walks)
 
 
-def _results(cases: list[Case], compared: set[Case], options: Options) -> list[Result]:
+def _results(cases: list[Case], options: Options) -> list[Result]:
     work = partial(run_case, run=options.run, keep=options.keep)
-    flags = [case in compared for case in cases]
     if options.workers == 1:
-        return [_told(case, work(case, flag)) for case, flag in zip(cases, flags, strict=True)]
+        return [_logged(case, work(case)) for case in cases]
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(options.workers, mp_context=context) as pool:
-        results = pool.map(work, cases, flags)
-        return [_told(case, result) for case, result in zip(cases, results, strict=True)]
+        results = pool.map(work, cases)
+        return [_logged(case, result) for case, result in zip(cases, results, strict=True)]
 
 
-def _told(case: Case, result: Result) -> Result:
+def _logged(case: Case, result: Result) -> Result:
     log.info("%s, repaired in %.1f CPU seconds", case.folder, result.seconds)
     return result
 

@@ -15,7 +15,6 @@ from vlnpe.pipeline.engine.work import digest
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
-from .fillers import FillerScore, compare
 from .planting.decoys import DECOYS
 from .planting.plant import PlantedHole, plant
 from .planting.shapes import Outline
@@ -27,7 +26,7 @@ HOLES, HOUSE_ROUNDS = 24, 3
 CONFIG = RepairConfig(picture_px=400)
 # Number of height errors kept per hole, evenly chosen.
 KEPT_ERRORS = 300
-_MEASURE = {"cut", "decoys", "plant", "scenes", "score", "shapes", "site", "vertical", "fillers"}
+_MEASURE = {"cut", "decoys", "plant", "scenes", "score", "shapes", "site", "vertical"}
 
 
 @dataclass(frozen=True)
@@ -77,21 +76,18 @@ def open_source(scene: str, cache: Path) -> Source:
     return house() if scene == HOUSE else headset(scene)
 
 
-def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> "Result":
+def run_case(case: Case, run: Path, keep: bool = False) -> "Result":
     """Plant, repair and measure, unless that was done with the same code.
 
     Args:
         case: what.
-        with_fillers: let other fillers work on the same scan, too.
         run: folder for scans, planted scans, repaired scenes and results.
         keep: accept a result of older repair code.
     """
     path = path_of(run, case, HOLES)
-    known = load(path)
-    enough = known is not None and (known.fillers or not with_fillers)
-    if known is not None and enough and (keep or known.code == repair_code()):
-        return known
-    code = repair_code()
+    earlier, code = load(path), repair_code()
+    if earlier is not None and (keep or earlier.code == code):
+        return earlier
     source = open_source(case.scene, run / "scans")
     planted = plant(source.site, np.random.default_rng(case.seed), HOLES, case.decoys)
     out = run / case.folder
@@ -101,8 +97,7 @@ def run_case(case: Case, with_fillers: bool, run: Path, keep: bool = False) -> "
     started = time.process_time()
     bundle = repair_scene(scan, out / "bundle", CONFIG, lambda _: None)
     seconds = time.process_time() - started
-    others = compare(planted, scan, out) if with_fillers else []
-    result = Result(code, score(planted, bundle), seconds, others)
+    result = Result(code, score(planted, bundle), seconds)
     save(path, result)
     return result
 
@@ -115,13 +110,11 @@ class Result:
         code: version of the code that repaired.
         score: what was measured.
         seconds: CPU time of the repair.
-        fillers: what others made of it.
     """
 
     code: str
     score: Score
     seconds: float
-    fillers: list[FillerScore]
 
 
 def repair_code() -> str:
@@ -140,16 +133,7 @@ def save(path: Path, result: Result) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     score = {**asdict(result.score), "natural_errors_m": _thinned(result.score.natural_errors_m)}
     score["holes"] = [_hole(h) for h in result.score.holes]
-    fillers = [{**asdict(f), "holes": [_hole(h) for h in f.holes]} for f in result.fillers]
-    write_json(
-        path,
-        {
-            "code": result.code,
-            "seconds": result.seconds,
-            "score": score,
-            "fillers": fillers,
-        },
-    )
+    write_json(path, {"code": result.code, "seconds": result.seconds, "score": score})
 
 
 def load(path: Path) -> Result | None:
@@ -160,10 +144,7 @@ def load(path: Path) -> Result | None:
     score = data["score"]
     score["holes"] = [_hole_of(h) for h in score["holes"]]
     score["natural_errors_m"] = np.array(score["natural_errors_m"])
-    fillers = [
-        FillerScore(**{**f, "holes": [_hole_of(h) for h in f["holes"]]}) for f in data["fillers"]
-    ]
-    return Result(data["code"], Score(**score), data["seconds"], fillers)
+    return Result(data["code"], Score(**score), data["seconds"])
 
 
 def kept_rows[Row](run: Path, name: str, kind: type[Row], rows: list[Row] | None) -> list[Row]:

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 
 from .cases import Case, Result, repair_code
-from .fillers import table as filler_table
 from .planting.shapes import KINDS
 from .scenes import HEADSETS, HELD_OUT_SEEDS, HOUSE, TUNING_SEEDS
 from .score import COUNTED_FROM_M, HoleScore, Score
@@ -84,24 +83,6 @@ def group_section(title: str, done: Sequence[Done]) -> list[str]:
     ]
 
 
-def filler_section(done: Sequence[Done]) -> list[str]:
-    """Return the section about other fillers on the same scans."""
-    compared = [result for _, result in done if result.fillers]
-    if not compared:
-        return ["## Side by side with other fillers", "", "Not run.", ""]
-    ours = [(result.score.holes, result.seconds) for result in compared]
-    return [
-        "## Side by side with other fillers",
-        "",
-        f"The same {len(compared)} planted scans, vertices merged, by the same measure; seconds of "
-        "the filler alone against everything that `vlnpe repair` does. "
-        "`trimesh.repair.fill_holes` knows no size; pyvista's is told the largest planted one.",
-        "",
-        *filler_table(ours, [f for result in compared for f in result.fillers]),
-        "",
-    ]
-
-
 def speed_section(runs: list[Run], folder: Path) -> list[str]:
     """Return the time and memory."""
     if not runs:
@@ -119,9 +100,9 @@ def speed_section(runs: list[Run], folder: Path) -> list[str]:
     ]
 
 
-def walk_section(found: list[Walk]) -> list[str]:
+def walk_section(walks: list[Walk]) -> list[str]:
     """Return the physical check."""
-    if not found:
+    if not walks:
         return ["## Walking over it", "", "Not run.", ""]
     return [
         "## Walking over it",
@@ -134,7 +115,7 @@ def walk_section(found: list[Walk]) -> list[str]:
         "the repair itself hands to the simulator could not serve for the raw scan: it is closed "
         "around scanned cells by design.",
         "",
-        *walk_table(found),
+        *walk_table(walks),
         "",
     ]
 

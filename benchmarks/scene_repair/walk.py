@@ -66,33 +66,33 @@ class Walk:
     repaired: str
 
 
-def walks(seeds: tuple[int, ...], cache: Path, folder: Path, wanted: int = 50) -> list[Walk]:
+def walks(seeds: tuple[int, ...], cache: Path, folder: Path, count: int = 50) -> list[Walk]:
     """Plant holes in open floor of apartments and walk over them until there are enough walks."""
     robot = get_robot(ROBOT)
-    found: list[Walk] = []
+    done: list[Walk] = []
     for seed in seeds:
         rng = np.random.default_rng(10_000 + seed)
         source = apartment(seed, cache)
         planted = plant(
             source.site, rng, PER_SCENE, (), KINDS_WALKED, SIZES_M, _open_floor(source.site)
         )
-        found += _walked(source, planted, robot, folder / f"walk-{seed}")
-        if len(found) >= wanted:
+        done += _walked(source, planted, robot, folder / f"walk-{seed}")
+        if len(done) >= count:
             break
-    return found[:wanted]
+    return done[:count]
 
 
-def table(found: list[Walk]) -> list[str]:
+def table(walks: list[Walk]) -> list[str]:
     """Return a Markdown table."""
     lines = ["| | walks | arrived | falls | stuck | share of falls |"]
     lines.append("| --- | ---: | ---: | ---: | ---: | ---: |")
     for name in ("raw", "repaired"):
-        ends = Counter(getattr(walk, name) for walk in found)
+        ends = Counter(getattr(walk, name) for walk in walks)
         falls = ends[EndReason.FALL]
         lines.append(
-            f"| {name} scan | {len(found)} | {ends[EndReason.SUCCESS]} | {falls} "
+            f"| {name} scan | {len(walks)} | {ends[EndReason.SUCCESS]} | {falls} "
             f"| {ends[EndReason.STUCK] + ends[EndReason.TIMEOUT]} "
-            f"| {100 * falls / max(len(found), 1):.0f} % |"
+            f"| {100 * falls / max(len(walks), 1):.0f} % |"
         )
     return lines
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vlnpe.formats.core.camera import CameraModel
-from vlnpe.formats.core.frames import matrix_to_quat
+from vlnpe.formats.core.frames import look_at, matrix_to_quat
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.geometry.splatting.backend import DETAIL_PX, LEAST_LIGHT
 from vlnpe.geometry.splatting.draw import Eye, SplatImage, draw_splats
@@ -70,17 +70,13 @@ def covered(rng: np.random.Generator, count: int, degree: int) -> GaussianCloud:
 def eyes(rng: np.random.Generator) -> list[Eye]:
     """Return cameras in the rooms that look around, a little down."""
     camera = CameraModel("bench", 256, 256, 90.0)
-    found = []
+    result = []
     for _ in range(FRAMES + WARM_UP):
         position = np.array([rng.uniform(0.5, 12), rng.uniform(0.5, 7.7), 1.2])
         yaw = rng.uniform(0, 2 * np.pi)
         ahead = np.array([np.cos(yaw), np.sin(yaw), -0.25])
-        ahead /= np.linalg.norm(ahead)
-        right = np.cross(ahead, (0, 0, 1))
-        right /= np.linalg.norm(right)
-        axes = np.stack([right, np.cross(ahead, right), ahead], 1).astype(np.float64)
-        found.append(Eye(camera, position, axes))
-    return found
+        result.append(Eye(camera, position, look_at(position, position + ahead)))
+    return result
 
 
 def main() -> None:

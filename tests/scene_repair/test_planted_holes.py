@@ -181,7 +181,7 @@ def test_planted_holes_are_filled_and_the_decoy_is_not(scene: Source, tmp_path: 
     assert result.moved == 0
     text = "\n".join([*summary([result]), *by_kind([result])])
     assert "planted holes filled | 100.00 %" in text
-    kept = Result("code", result, 1.0, [])
+    kept = Result("code", result, 1.0)
     save(tmp_path / "result.json", kept)
     again = load(tmp_path / "result.json")
     assert again is not None
