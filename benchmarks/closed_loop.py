@@ -46,8 +46,8 @@ NEVER = -1e9  # bias of an action that is never drawn
 def report(run: Path) -> str:
     """Step through episodes of `run`, evaluate, and reset many times; a Markdown section."""
     scene = sorted((run / "scenes").iterdir())[0]
-    found = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
-    episodes = [e for e in found if e.scene_id == scene.name and e.level == found[0].level]
+    recorded = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
+    episodes = [e for e in recorded if e.scene_id == scene.name and e.level == recorded[0].level]
     rows = []
     for robot in ROBOTS:
         cost_ms = []

@@ -36,8 +36,8 @@ def scenes(first: int, count: int, kinds: Sequence[str], scheme: str = EXACT) ->
 def splits(train: int, paths: int) -> str:
     """Return what `--splits` takes for training scenes of so many paths each."""
     held_out = paths // SEEN_SHARE
-    wanted = {"train": train * (paths - held_out), "val_seen": train * held_out}
-    return ",".join(f"{split}={count}" for split, count in wanted.items() if count)
+    counts = {"train": train * (paths - held_out), "val_seen": train * held_out}
+    return ",".join(f"{split}={count}" for split, count in counts.items() if count)
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -65,10 +65,10 @@ def report(scenes: Iterable[SceneBundle]) -> str:
     for bundle in scenes:
         episodes = _episodes(bundle, max(robot.footprint_radius_m for robot in robots))
         for robot in robots:
-            asked = sum(agent_arrives(bundle, episode, robot) for episode in episodes)
+            arrivals = sum(agent_arrives(bundle, episode, robot) for episode in episodes)
             for controller in CONTROLLERS:
                 walks = walked(robot, controller, bundle, episodes)
-                rows.append(_row((bundle.scene_id, robot.name, controller), walks, asked))
+                rows.append(_row((bundle.scene_id, robot.name, controller), walks, arrivals))
     return "\n".join(
         [
             "## Discrete labels",
@@ -87,14 +87,14 @@ def report(scenes: Iterable[SceneBundle]) -> str:
     )
 
 
-def _row(names: tuple[str, ...], walks: list[Walk], asked: int) -> str:
+def _row(names: tuple[str, ...], walks: list[Walk], arrivals: int) -> str:
     apart = np.quantile([w.apart_m for w in walks], [0.5, 0.95])
     turning = np.rad2deg(np.quantile([abs(w.turning_rad) for w in walks], [0.5, 0.95]))
     reversals = sum(w.reversals for w in walks)
     return (
         f"| {' | '.join(names)} | {sum(w.arrived for w in walks)} of {len(walks)} "
         f"| {apart[0]:.2f}, {apart[1]:.2f} | {turning[0]:.1f}, {turning[1]:.1f} "
-        f"| {reversals or ''} | {asked} of {len(walks)} |"
+        f"| {reversals or ''} | {arrivals} of {len(walks)} |"
     )
 
 

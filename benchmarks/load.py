@@ -64,7 +64,7 @@ def report(run: Path) -> str:
         for episode in range(len(selection)):
             sequences[episode]
     grown = _resident_mb() - before
-    one = sum(v.nbytes for v in sequences[0].values() if torch.is_tensor(v)) / 1e6
+    episode_mb = sum(v.nbytes for v in sequences[0].values() if torch.is_tensor(v)) / 1e6
     height, width, _ = selection.datasets[0].shapes[RGB_KEY][1]
     lines = [
         "## Loading",
@@ -78,7 +78,7 @@ def report(run: Path) -> str:
         *rows,
         "",
         f"Two more passes over all {len(selection)} episodes grew the process by {grown:.0f} MB;",
-        f"one decoded episode takes {one:.0f} MB.",
+        f"one decoded episode takes {episode_mb:.0f} MB.",
     ]
     return "\n".join(lines) + "\n"
 

@@ -89,7 +89,7 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
     size = sum(path.stat().st_size for path in paths) / MEGABYTE
     raw = sum(len(m.data) for c in contents for ms in c.messages.values() for m in ms) / MEGABYTE
     frames = sum(len(c.messages["/camera/rgb"]) for c in contents)
-    ways: list[tuple[str, Callable[[], None]]] = [
+    operations: list[tuple[str, Callable[[], None]]] = [
         ("**write** an episode: videos decoded, depth to 16 bit, messages, zstd", write),
         ("write, reference: the SDK logs the same finished messages", log_again),
         ("write, reference: copy the file", copy),
@@ -99,7 +99,7 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
         ("**MCAP → LeRobot** unit: colour copied, depth encoded", to_units),
         ("**LeRobot → MCAP**", to_mcap),
     ]
-    best = _fastest(ways)
+    best = _fastest(operations)
     lines = [
         "## MCAP",
         "",
@@ -111,7 +111,7 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
         "| --- | ---: | ---: | ---: |",
         *(
             f"| {name} | {size / s:,.0f} | {raw / s:,.0f} | {1000 * s / frames:.2f} |"
-            for (name, _), s in zip(ways, best, strict=True)
+            for (name, _), s in zip(operations, best, strict=True)
         ),
         "",
         f"Writing takes {best[0] / best[1]:.1f} times as long as the SDK's logging alone, reading "
@@ -120,14 +120,14 @@ def _report(episodes: list[Episode], scratch: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _fastest(ways: list[tuple[str, Callable[[], None]]]) -> list[float]:
+def _fastest(operations: list[tuple[str, Callable[[], None]]]) -> list[float]:
     """Return CPU seconds of each way's fastest round.
 
     The ways take turns, so that load hits all alike.
     """
-    best = [float("inf")] * len(ways)
+    best = [float("inf")] * len(operations)
     for _ in range(ROUNDS):
-        for number, (_, run) in enumerate(ways):
+        for number, (_, run) in enumerate(operations):
             started = time.process_time()
             run()
             best[number] = min(best[number], time.process_time() - started)
@@ -148,6 +148,6 @@ def _log(path: Path, contents: Contents) -> None:
                 message_encoding=channel.message_encoding,
                 context=recording.context,
             )
-        messages = [m for found in contents.messages.values() for m in found]
+        messages = [m for batch in contents.messages.values() for m in batch]
         for message in sorted(messages, key=lambda m: m.log_time):
             channels[message.channel_id].log(message.data, log_time=message.log_time)

@@ -25,8 +25,8 @@ def report(_: Path) -> str:
         # Repairing the scene takes more memory than walking in it.
         subprocess.run(_command(prepared, 2), cwd=ROOT, stdout=subprocess.DEVNULL, check=True)
         for count in COUNTS:
-            driver, worker, made = measure(prepared, count)
-            lines.append(f"| {made:,} | {driver:,.0f} | {worker:,.0f} |")
+            driver, worker, episodes_made = measure(prepared, count)
+            lines.append(f"| {episodes_made:,} | {driver:,.0f} | {worker:,.0f} |")
     return "\n".join(
         [
             "## Memory and the number of episodes",
@@ -61,9 +61,9 @@ def measure(prepared: Path, episodes: int) -> tuple[float, float, int]:
     # 1: an episode was quarantined, for want of a true text for example; the others were made.
     if process.returncode not in (0, 1):
         raise RuntimeError(f"collect ended with code {process.returncode}")
-    made = sum(1 for _ in (run / "rollouts").rglob("*.mcap"))
+    episodes_made = sum(1 for _ in (run / "rollouts").rglob("*.mcap"))
     shutil.rmtree(run)
-    return driver / 1024, worker / 1024, made
+    return driver / 1024, worker / 1024, episodes_made
 
 
 def _command(run: Path, episodes: int) -> list[str]:

@@ -50,14 +50,14 @@ def report(run: Path) -> str:
 
 def _cost_line(ledger: Ledger, robot: str) -> str:
     seconds: dict[str, float] = defaultdict(float)
-    kept: Counter[str] = Counter()
+    stored: Counter[str] = Counter()
     for stage in PER_EPISODE:
         for row in ledger.rows(stage):
             if row.item.startswith(robot):
                 seconds[stage] += row.cpu_seconds
-                kept.update(_kept(ledger, row))
+                stored.update(_kept(ledger, row))
     cells = [f"{seconds[stage] / EPISODES:.2f}" for stage in PER_EPISODE]
-    cells += [f"{kept['bytes'] / EPISODES / 1e6:.2f}", f"{kept['files'] / EPISODES:.1f}"]
+    cells += [f"{stored['bytes'] / EPISODES / 1e6:.2f}", f"{stored['files'] / EPISODES:.1f}"]
     return f"| {robot} | " + " | ".join(cells) + " |"
 
 
@@ -97,7 +97,7 @@ def manifest_cost(count: int) -> tuple[Any, ...]:
         for out, row in rows.items():  # without the journal, which costs the same for each row
             ledger._rows[(row.stage, row.item)] = row
             ledger._files[out] = record
-        kept = time.perf_counter()
+        stored = time.perf_counter()
         ledger.save()
         saved = time.perf_counter()
         Ledger(root)
@@ -106,7 +106,7 @@ def manifest_cost(count: int) -> tuple[Any, ...]:
     return (
         f"{count:,}",
         f"{1000 * (added - started) / ADDED:.2f}",
-        f"{saved - kept:.1f}",
+        f"{saved - stored:.1f}",
         f"{opened - saved:.1f}",
         f"{size:.0f}",
         f"{peak_mb():.0f}",

@@ -37,17 +37,17 @@ def report(run: Path) -> str:
     torch.set_num_threads(1)
     recipe = dict(read_recipe(recipe_path("starter")).train)
     recipe |= {"steps": STEPS, "checkpoint_every": STEPS, "device": "cpu"}
-    wanted = [recipe | {"model": recipe["model"] | {"name": name}} for name in MODELS]
+    settings = [recipe | {"model": recipe["model"] | {"name": name}} for name in MODELS]
     if torch.cuda.is_available():
-        wanted += [values | {"device": "cuda"} for values in wanted]
+        settings += [values | {"device": "cuda"} for values in settings]
         larger = {"device": "cuda", "model": recipe["model"] | LARGER_MODEL}
-        wanted.append(recipe | LARGER | larger)
+        settings.append(recipe | LARGER | larger)
     selection = select_all([next((run / "lerobot").iterdir())])
     tokens = training_tokens(words[0] for words in selection.labels("instructions"))
     with tempfile.TemporaryDirectory(dir=run) as scratch:
         rows = [
             _row(train_config(values), selection, tokens, Path(scratch) / str(number))
-            for number, values in enumerate(wanted)
+            for number, values in enumerate(settings)
         ]
     lines = [
         "## Training",

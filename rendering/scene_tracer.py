@@ -87,7 +87,7 @@ class SceneTracer:
         request: RenderRequest,
         lighting: Lighting,
         footprint_px: float = 1.0,
-        known: tuple[I32, Hits] | None = None,
+        reuse: tuple[I32, Hits] | None = None,
     ) -> Hits:
         """Trace rays from the eye and shade what they hit.
 
@@ -95,7 +95,7 @@ class SceneTracer:
             directions: (N, 3), world, of unit length along the optical axis.
             order: (P · lanes,) rays of each packet, −1 = an idle lane.
             footprint_px: side of each ray's footprint in the image [px].
-            known: the ray (N,) next to each ray, and what those rays hit. Where both hit the same
+            reuse: the ray (N,) next to each ray, and what those rays hit. Where both hit the same
                 triangle, the colour is taken over.
         """
         count = len(directions)
@@ -106,7 +106,7 @@ class SceneTracer:
             np.empty(count, dtype=np.int32),
             np.empty(count, dtype=np.int32),
         )
-        near, seen = known or (np.empty(0, dtype=np.int32), hits)
+        near, seen = reuse or (np.empty(0, dtype=np.int32), hits)
         render_rays(
             order, directions, per_px.astype(np.float32), request.position.astype(np.float32),
             request.cut_above_m, self._packets, self.arrays, lighting.light, lighting.spheres,

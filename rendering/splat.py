@@ -143,19 +143,19 @@ class SplatRenderer(Renderer):
         spheres: F32,
     ) -> NDArray[np.uint8]:
         """Return an image darkened around the robot, on the surface that `depth` (N,) gives."""
-        found = np.isfinite(depth)
+        surface = np.isfinite(depth)
         color = np.empty((len(depth), 3), dtype=np.float32)
         flat = rgb.reshape(-1, 3)
         light_pixels(
-            flat, np.where(found, depth, 0).astype(np.float32),
-            np.where(found, UNLIT, NO_SURFACE).astype(np.uint8),
+            flat, np.where(surface, depth, 0).astype(np.float32),
+            np.where(surface, UNLIT, NO_SURFACE).astype(np.uint8),
             request.camera.width_px, request.camera.height_px, directions,
             request.position.astype(np.float32), self._decode, lighting.light,
             np.zeros(0, dtype=np.float32), spheres, color,
         )  # fmt: skip
         shaded = np.empty_like(flat)
         self._scene.encode(color, shaded)
-        shaded[~found] = flat[~found]
+        shaded[~surface] = flat[~surface]
         return shaded.reshape(rgb.shape)
 
 

@@ -12,9 +12,9 @@ def main(arguments: list[str]) -> int:
     out = Path(tempfile.mkdtemp(prefix="vlnpe-fuzz-findings-"))
     summaries = fuzz_all(out, minutes, arguments[1:])
     sys.stdout.write(f"{table(summaries)}\n")
-    found = sum(len(s.findings) for s in summaries)
-    sys.stdout.write(f"{found} findings in {out}\n")
-    return int(found > 0)
+    findings = sum(len(s.findings) for s in summaries)
+    sys.stdout.write(f"{findings} findings in {out}\n")
+    return int(findings > 0)
 
 
 if __name__ == "__main__":

@@ -52,9 +52,9 @@ def composer(paths: list[Ground]) -> dict[str, Any]:
     skeletons: set[str] = set()
     started = time.process_time()
     for ground in paths:
-        for one in compose_texts(ground, 3, STYLES, rng)[0]:
-            texts.append(one.text)
-            skeletons.update(one.skeletons)
+        for sample in compose_texts(ground, 3, STYLES, rng)[0]:
+            texts.append(sample.text)
+            skeletons.update(sample.skeletons)
     seconds = time.process_time() - started
     return {
         **table(texts),
@@ -76,7 +76,7 @@ def main() -> None:
     result: dict[str, Any] = {}
     for part in (options.part or PARTS) if options.scenes else ():
         result[part] = measure(read_corpus(options.scenes, options.scans, (part,)))
-    paths = [one for run in options.runs for one in load(run)]
+    paths = [sample for run in options.runs for sample in load(run)]
     if paths:
         result["composer"] = composer(paths)
     text = json.dumps(result, indent=1, ensure_ascii=False)

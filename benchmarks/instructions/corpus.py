@@ -168,8 +168,8 @@ def measure(entries: list[Entry]) -> dict[str, Any]:
             verdict = check_text(text, entry.ground)
             if not verdict.ok:
                 refused.append([entry.name, text, list(verdict.problems)])
-            elif not check_text(said := reworded(text, other), entry.ground).ok:
-                changed.append([entry.name, said])
+            elif not check_text(changed_text := reworded(text, other), entry.ground).ok:
+                changed.append([entry.name, changed_text])
             for kind, lie in KINDS.items():
                 false = lie(text, entry.ground.facts, rng)
                 if not false or false == text:

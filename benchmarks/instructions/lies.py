@@ -67,16 +67,16 @@ def _turns(text: str) -> list[re.Match[str]]:
 
 def _things(text: str) -> list[str]:
     """Return the things that a text names, in the singular and in lower case."""
-    found = (m[0].lower() for m in _THING.finditer(text))
-    return [w for w in found if w in OBJECT_PHRASES and w not in _NO_THING]
+    matches = (m[0].lower() for m in _THING.finditer(text))
+    return [w for w in matches if w in OBJECT_PHRASES and w not in _NO_THING]
 
 
 def wrong_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:
     """Swap the side of one stated turn, if no unstated turn to that side makes it true."""
     turns = _turns(text)
     stated = Counter(m[1].lower() for m in turns)
-    made = Counter(t.side for t in facts.turns)
-    turns = [m for m in turns if made[_OTHER[m[1].lower()]] <= stated[_OTHER[m[1].lower()]]]
+    actual = Counter(t.side for t in facts.turns)
+    turns = [m for m in turns if actual[_OTHER[m[1].lower()]] <= stated[_OTHER[m[1].lower()]]]
     return _swapped(text, [turns[int(rng.integers(len(turns)))]]) if turns else None
 
 
@@ -99,11 +99,11 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
         r"(?: again)?(?=(?:,? and|,? then|[,.]))",
         r"(?<=\. )(?:Turn|Make a|Take a) (?:left|right),? and ",
     ):
-        found = re.search(pattern, text)
-        if found:
-            side = "left" if "left" in found[0].lower() else "right"
+        matches = re.search(pattern, text)
+        if matches:
+            side = "left" if "left" in matches[0].lower() else "right"
             dropped = [t for t in clear if t.side == side]
-            rest = text[found.end() :]
+            rest = text[matches.end() :]
             if not _STOP.search(rest):  # where it stops is said first: "Your goal is the bed: …"
                 rest += " stop " + re.split(r"[.:;]", text)[0]
             if not dropped or _leads_on(rest, dropped, facts):
@@ -258,12 +258,12 @@ def no_stop(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None
     What is left must not begin with the goal, nor end with how far to go, until when, or up to
     which thing.
     """
-    found = list(
+    matches = list(
         re.finditer(r"(?:,? and|,? then|\.|,)? ?\b(?:stop|wait|halt)", text, re.IGNORECASE)
     )
-    if not found or _GOAL_FIRST.match(text[: found[-1].start()]):
+    if not matches or _GOAL_FIRST.match(text[: matches[-1].start()]):
         return None
-    shorter = text[: found[-1].start()].rstrip(" ,.") + "."
+    shorter = text[: matches[-1].start()].rstrip(" ,.") + "."
     return shorter if len(shorter.split()) >= 6 and not _ENDS.search(shorter) else None
 
 

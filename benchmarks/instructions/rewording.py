@@ -129,14 +129,14 @@ def reworded(text: str, rng: np.random.Generator, most: int = 4) -> str:
     done = 0
     for number in order:
         pattern, instead = _EXCHANGES[int(number)]
-        found = list(re.finditer(pattern, text, re.IGNORECASE))
-        if not found or done >= most:
+        matches = list(re.finditer(pattern, text, re.IGNORECASE))
+        if not matches or done >= most:
             continue
-        match = found[int(rng.integers(len(found)))]
-        said = match.expand(instead[int(rng.integers(len(instead)))])
+        match = matches[int(rng.integers(len(matches)))]
+        phrase = match.expand(instead[int(rng.integers(len(instead)))])
         if match[0][0].isupper():
-            said = said[0].upper() + said[1:]
-        text = text[: match.start()] + said + text[match.end() :]
+            phrase = phrase[0].upper() + phrase[1:]
+        text = text[: match.start()] + phrase + text[match.end() :]
         done += 1
     if rng.random() < _OPENED:
         text = _OPENINGS[int(rng.integers(len(_OPENINGS)))] + text[0].lower() + text[1:]
@@ -146,10 +146,10 @@ def reworded(text: str, rng: np.random.Generator, most: int = 4) -> str:
 def goal_first(text: str, rng: np.random.Generator) -> str | None:
     """Return a text with its stop said first, None where it has none that can be moved."""
     stop = _STOP.search(text)
-    way = text[: stop.start()].rstrip(" ,;.") if stop else ""
-    if not stop or len(way.split()) < 4:
+    rest = text[: stop.start()].rstrip(" ,;.") if stop else ""
+    if not stop or len(rest.split()) < 4:
         return None
     form = _GOALS[int(rng.integers(len(_GOALS)))]
-    way = way if form.endswith(". {}") else way[0].lower() + way[1:]
-    said = form.format(stop[1], way) + "."
-    return said[0].upper() + said[1:]
+    rest = rest if form.endswith(". {}") else rest[0].lower() + rest[1:]
+    phrase = form.format(stop[1], rest) + "."
+    return phrase[0].upper() + phrase[1:]

@@ -53,22 +53,22 @@ def main() -> None:
     options = parser.parse_args()
     rng = np.random.default_rng(0)
     caught: dict[str, Counter[bool]] = {}
-    refused = composed = told = 0
+    refused = composed = judged = 0
     false: list[list[str]] = []
     for entry in read_corpus(options.scenes, None, tuple(options.part or ("sealed5",))):
         for text in entry.texts:
-            told += 1
+            judged += 1
             verdict = check_text(text, entry.ground)
             refused += not verdict.ok
             false += [[entry.name, text, *verdict.problems]] * (not verdict.ok)
         texts = compose_texts(entry.ground, 3, STYLES, rng)[0]
         composed += len(texts)
-        for one in texts:
+        for sample in texts:
             for noun in rng.permutation(_NOUNS.split())[:5]:
-                for kind, lie in planted(one.text, str(noun)).items():
+                for kind, lie in planted(sample.text, str(noun)).items():
                     caught.setdefault(kind, Counter())[not check_text(lie, entry.ground).ok] += 1
-    counts = {kind: [found[True], sum(found.values())] for kind, found in caught.items()}
-    result = {"composed": composed, "caught": counts, "true": told, "refused": refused}
+    counts = {kind: [counter[True], sum(counter.values())] for kind, counter in caught.items()}
+    result = {"composed": composed, "caught": counts, "true": judged, "refused": refused}
     sys.stdout.write(json.dumps({**result, "refused texts": false}, indent=1) + "\n")
 
 

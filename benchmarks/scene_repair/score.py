@@ -177,44 +177,44 @@ def in_world(points_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.f
     return source @ bundle.source_to_world[:3, :3].T + bundle.source_to_world[:3, 3]
 
 
-def sample_inside(outline: Outline, wanted: int = 1500) -> tuple[NDArray[np.float64], float]:
+def sample_inside(outline: Outline, count: int = 1500) -> tuple[NDArray[np.float64], float]:
     """Return the points (N, 2) on a regular raster inside an outline, and the area [m²] of each."""
     lower, upper = outline.bounds_m()
-    step = float(np.sqrt(np.prod(upper - lower) / wanted))
+    step = float(np.sqrt(np.prod(upper - lower) / count))
     while True:
         x, y = (np.arange(a + step / 2, b, step) for a, b in zip(lower, upper, strict=True))
         points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
         inside = points[outline.contains(points)]
         # Thin shapes fill little of their box.
-        if len(inside) >= wanted / 5 or step < FINEST_M:
+        if len(inside) >= count / 5 or step < FINEST_M:
             return inside, step * step
         step /= 2
 
 
-def score_hole(known: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore:
+def score_hole(scene: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore:
     """Return how much of a planted hole or decoy there is floor in."""
-    points, truth, each_m2 = _rays(known, hole)
-    found = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
-    there = np.isfinite(found)
-    errors = np.empty(0) if hole.decoy else (found - truth)[there]
+    points, truth, each_m2 = _rays(scene, hole)
+    heights = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
+    there = np.isfinite(heights)
+    errors = np.empty(0) if hole.decoy else (heights - truth)[there]
     return HoleScore(hole, len(points) * each_m2, float(there.sum()) * each_m2, errors, "")
 
 
 def _rays(
-    known: Truth, hole: PlantedHole
+    scene: Truth, hole: PlantedHole
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return points (N, 2) in a hole that had floor, its heights (N,), and the area of each."""
     points, each_m2 = sample_inside(hole.outline)
     if hole.decoy:
         return points, np.full(len(points), hole.floor_z_m), each_m2
-    truth = removed_floor(known.planted.site, known.before, known.after, points)
+    truth = removed_floor(scene.planted.site, scene.before, scene.after, points)
     there = np.isfinite(truth)
     return points[there], truth[there], each_m2
 
 
 def _explained(
     result: HoleScore,
-    known: Truth,
+    scene: Truth,
     repaired: Surfaces,
     record: dict[str, Any],
     bundle: SceneBundle,
@@ -223,9 +223,9 @@ def _explained(
     hole = result.hole
     if result.filled != hole.decoy:
         return result
-    points, truth, _ = _rays(known, hole)
-    found = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
-    wrong = points[np.isfinite(found) == hole.decoy]
+    points, truth, _ = _rays(scene, hole)
+    heights = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
+    wrong = points[np.isfinite(heights) == hole.decoy]
     return replace(result, reason=_reason(wrong, record, bundle, hole))
 
 
@@ -235,17 +235,17 @@ def _reason(
     """Return what `repair.json` says where points (N, 2) lie."""
     high = np.column_stack([points, np.full(len(points), hole.floor_z_m)])
     where = in_world(high, bundle)[:, :2]
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for level in record["levels"]:
         for entry in level["holes"]:
             inside = Outline([np.array(ring) for ring in entry["polygons_xy_m"]]).contains(where)
             if inside.any():
                 text = f"{entry['action']}, {entry['cause']}: {entry['reason']}"
-                found[text] = found.get(text, 0.0) + float(inside.mean())
-    if not found:
+                shares[text] = shares.get(text, 0.0) + float(inside.mean())
+    if not shares:
         return "no entry in repair.json"
-    best = max(found, key=lambda text: found[text])
-    return f"{best} ({100 * found[best]:.0f} % of it)"
+    best = max(shares, key=lambda text: shares[text])
+    return f"{best} ({100 * shares[best]:.0f} % of it)"
 
 
 def _moved(

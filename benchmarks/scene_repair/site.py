@@ -125,20 +125,20 @@ def survey(
         grid = true_floor[0]
     centers = cell_centers(grid)
 
-    def met(z: float, within: float) -> Mask:
+    def surface_near(z: float, within: float) -> Mask:
         return np.isfinite(heights_near(everything, centers, z, within)).reshape(grid.shape)
 
-    scanned = met(floor_z_m, FLOOR_BAND_M)
+    scanned = surface_near(floor_z_m, FLOOR_BAND_M)
     low, high = FURNITURE_M
-    furniture = met(floor_z_m + (low + high) / 2, (high - low) / 2)
+    furniture = surface_near(floor_z_m + (low + high) / 2, (high - low) / 2)
     slices = WALL_SLICES_M if wall_parts is None else WALL_FOOT_M
     wall = _walls(*soup_of(wall_parts or parts), grid, floor_z_m + slices)
-    anything = met(floor_z_m + 5.0, 6.0)
+    anything = surface_near(floor_z_m + 5.0, 6.0)
     # A scan shows the inner faces of outer walls; the building reaches a little farther.
     solid = filled(ndimage.binary_closing(np.pad(anything, 20), iterations=15))
     footprint = ndimage.binary_dilation(solid, iterations=2)[20:-20, 20:-20]
     # A headset's closed surface rises towards things; that is not floor.
-    floor = met(floor_z_m, FLAT_M) & ~wall if true_floor is None else true_floor[1]
+    floor = surface_near(floor_z_m, FLAT_M) & ~wall if true_floor is None else true_floor[1]
     return Site(
         name=name,
         parts=parts,

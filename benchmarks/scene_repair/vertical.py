@@ -64,13 +64,13 @@ def heights_near(
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(shape[0] * shape[1] + 1))
     z = np.ascontiguousarray(z)
-    found = np.full(len(points_xy_m), np.nan)
-    _shoot(corners, points_xy_m, z, within_m, (lower, shape, order, start), found)
-    return found
+    nearest = np.full(len(points_xy_m), np.nan)
+    _shoot(corners, points_xy_m, z, within_m, (lower, shape, order, start), nearest)
+    return nearest
 
 
 @njit(cache=True)
-def _shoot(corners, points, z, within, buckets, found):
+def _shoot(corners, points, z, within, buckets, nearest):
     lower, shape, order, start = buckets
     for f in range(len(corners)):
         ax, ay, az = corners[f, 0]
@@ -96,5 +96,5 @@ def _shoot(corners, points, z, within, buckets, found):
                         continue
                     height = u * az + v * bz + w * cz
                     gap = abs(height - z[p])
-                    if gap <= within and not gap >= abs(found[p] - z[p]):
-                        found[p] = height
+                    if gap <= within and not gap >= abs(nearest[p] - z[p]):
+                        nearest[p] = height

@@ -141,10 +141,10 @@ def _world(
     grid = GridSpec.covering(lower, lower + np.array([old.columns, old.rows]) * old.cell_m, CELL_M)
     z = bundle.level_floor_z_m[level]
     near = Surfaces.between(vertices, faces, z - 0.1, z + 0.1)
-    met = heights_near(near, cell_centers(grid), z, 0.08).reshape(grid.shape)
-    floor = np.isfinite(met)
+    heights = heights_near(near, cell_centers(grid), z, 0.08).reshape(grid.shape)
+    floor = np.isfinite(heights)
     nearest = ndimage.distance_transform_edt(~floor, return_distances=False, return_indices=True)
-    height = met[tuple(np.asarray(nearest))]
+    height = heights[tuple(np.asarray(nearest))]
     height = np.where(ndimage.binary_dilation(floor, np.ones((3, 3))), height, z - PIT_M)
     np.savez(
         root / "levels" / str(level) / "floor.npz",

@@ -20,13 +20,13 @@ KEPT = ROOT / "runs" / "bench" / "throughput.json"
 
 def keep(kind: str, measured: dict[str, Any]) -> None:
     """Add what was measured to the kept results, in the place of an earlier one of its kind."""
-    known = results()
+    stored = results()
     same = ("scene", "robot", "workers")
-    known[kind] = [
-        one for one in known[kind] if any(one.get(k) != measured.get(k) for k in same)
+    stored[kind] = [
+        entry for entry in stored[kind] if any(entry.get(k) != measured.get(k) for k in same)
     ] + [measured]
     KEPT.parent.mkdir(parents=True, exist_ok=True)
-    KEPT.write_text(json.dumps(known, indent=1))
+    KEPT.write_text(json.dumps(stored, indent=1))
 
 
 def results() -> dict[str, list[dict[str, Any]]]:
@@ -35,9 +35,9 @@ def results() -> dict[str, list[dict[str, Any]]]:
 
 def section() -> str:
     """Return the Markdown section of all that is kept."""
-    known = results()
+    stored = results()
     lines = ["## Throughput", ""]
-    if known["runs"]:
+    if stored["runs"]:
         lines += [
             f"`vlnpe collect` in a prepared scene, 256 × 256 RGB-D at {FRAMES_PER_SECOND} frames/s:"
             " wall seconds by stage; CPU and waiting per frame (waiting: workers without an item,",
@@ -47,27 +47,27 @@ def section() -> str:
             + " | ".join(STAGES)
             + " | CPU-ms a frame | waiting, ms a frame | peak MiB | **episodes/h** |",
             "| --- | --- |" + " ---: |" * (len(STAGES) + 7),
-            *(_run_line(run) for run in known["runs"]),
+            *(_run_line(run) for run in stored["runs"]),
             "",
-            *_speed_ups(known["runs"]),
+            *_speed_ups(stored["runs"]),
         ]
-    labels = sorted({label for one in known["parts"] for label in one["ms_per_frame"]})
+    labels = sorted({label for entry in stored["parts"] for label in entry["ms_per_frame"]})
     if labels:
-        heads = [f"{one['scene']}, {one['robot']}" for one in known["parts"]]
+        heads = [f"{entry['scene']}, {entry['robot']}" for entry in stored["parts"]]
         lines += [
             "One process, CPU-ms per frame:",
             "",
             "| part | " + " | ".join(heads) + " |",
             "| --- |" + " ---: |" * len(heads),
-            *(_part_line(label, known["parts"]) for label in labels),
+            *(_part_line(label, stored["parts"]) for label in labels),
             "| **sum** | "
-            + " | ".join(f"**{sum(o['ms_per_frame'].values()):.1f}**" for o in known["parts"])
+            + " | ".join(f"**{sum(o['ms_per_frame'].values()):.1f}**" for o in stored["parts"])
             + " |",
             "| imports of a worker, CPU-s | "
-            + " | ".join(f"{one['imports_s']:.1f}" for one in known["parts"])
+            + " | ".join(f"{entry['imports_s']:.1f}" for entry in stored["parts"])
             + " |",
             "| first episode beyond that: scene, models, kernels, CPU-s | "
-            + " | ".join(f"{one['first_episode_s']:.1f}" for one in known["parts"])
+            + " | ".join(f"{entry['first_episode_s']:.1f}" for entry in stored["parts"])
             + " |",
             "",
         ]
@@ -89,11 +89,11 @@ def _speed_ups(runs: list[dict[str, Any]]) -> list[str]:
     alone = {(r["scene"], r["robot"]): r for r in runs if r["workers"] == r.get("cores") == 1}
     lines = []
     for run in runs:
-        one = alone.get((run["scene"], run["robot"]))
-        if one is None or run["workers"] < 2:
+        entry = alone.get((run["scene"], run["robot"]))
+        if entry is None or run["workers"] < 2:
             continue
-        faster = episodes_per_hour(run) / episodes_per_hour(one)
-        dearer = _cpu_per_frame(run) / _cpu_per_frame(one)
+        faster = episodes_per_hour(run) / episodes_per_hour(entry)
+        dearer = _cpu_per_frame(run) / _cpu_per_frame(entry)
         lines.append(
             f"{run['scene']}, {run['robot']}: {run['workers']} workers on as many cores collect "
             f"{faster:.2f} times as fast as one on one core; a frame then costs {dearer:.2f} times "
@@ -107,7 +107,7 @@ def _cpu_per_frame(run: dict[str, Any]) -> float:
 
 
 def _part_line(label: str, parts: list[dict[str, Any]]) -> str:
-    values = (one["ms_per_frame"].get(label, 0.0) for one in parts)
+    values = (entry["ms_per_frame"].get(label, 0.0) for entry in parts)
     return f"| {label} | " + " | ".join(f"{value:.2f}" for value in values) + " |"
 
 

@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
+from ..robots import CommandLimits
+from .interface import Command
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -17,6 +19,22 @@ def wrap_angle(angle_rad: float) -> float:
 def clip(value: float, low: float, high: float) -> float:
     """Return `value` clipped to [low, high]."""
     return min(max(value, low), high)
+
+
+def clip_command(command: Command, limits: CommandLimits) -> Command:
+    """Return a command clipped to a robot's limits."""
+    vx, vy, yaw = command
+    return clip(vx, *limits.vx_m_s), clip(vy, *limits.vy_m_s), clip(yaw, *limits.yaw_rad_s)
+
+
+def ramped(old: Command, new: Command, linear: float, turn: float) -> Command:
+    """Return `new`, at most `linear` [m/s] and `turn` [rad/s] away from `old` on each axis."""
+    (vx, vy, yaw), (x, y, z) = old, new
+    return (
+        vx + clip(x - vx, -linear, linear),
+        vy + clip(y - vy, -linear, linear),
+        yaw + clip(z - yaw, -turn, turn),
+    )
 
 
 class RouteCursor:

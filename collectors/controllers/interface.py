@@ -18,8 +18,8 @@ class Coasting:
     Attributes:
         speed_m_s: (K,) ascending, greater than 0.
         distance_m: (K,) from the zero command to rest, after walking steadily.
-        lag_s: by how much walking lags behind its command: what it was told in this time, it
-            still has to do.
+        lag_s: by how much walking lags behind its command: what was commanded in this time is
+            still to come.
         turn_lag_s: by how much a turn lags behind its command: the angle that is turned on after
             the zero command, over the turn rate before it.
     """
@@ -31,8 +31,13 @@ class Coasting:
 
     def distance(self, speed_m_s: float) -> float:
         """Return the stopping distance [m], interpolated linearly and constant beyond the last."""
-        known = (0.0, *self.speed_m_s), (0.0, *self.distance_m)
-        return float(np.interp(speed_m_s, *known))
+        table = (0.0, *self.speed_m_s), (0.0, *self.distance_m)
+        return float(np.interp(speed_m_s, *table))
+
+
+# vx, vy [m/s] and yaw rate [rad/s] in the base frame.
+Command = tuple[float, float, float]
+STOPPED: Command = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,7 @@ class Decision:
     """Output of a control step, valid until the next one.
 
     Attributes:
-        command: vx, vy [m/s], yaw rate [rad/s] in the base frame, within the robot's limits.
+        command: within the robot's limits.
         action: the discrete action that starts with this step; None while one goes on, and for
             controllers that know none.
         done: the controller has stopped the robot for good.
@@ -99,14 +104,11 @@ class Decision:
         chosen: a motion that a policy chose starts with this step.
     """
 
-    command: tuple[float, float, float]
+    command: Command
     action: Action | None = None
     done: bool = False
     notes: tuple[tuple[str, str], ...] = ()
     chosen: bool = False
-
-
-STOPPED = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .geometry import RouteCursor, clip, wrap_angle
-from .interface import STOPPED, Decision, Pose, Task
+from .geometry import RouteCursor, clip, clip_command, wrap_angle
+from .interface import STOPPED, Command, Decision, Pose, Task
 from .route import STEP_M, Route, plan_route, rejoin
 
 NEAR_M = 0.15  # the point so far ahead is aimed at even out of sight
@@ -136,7 +136,7 @@ class PathController:
 
     def _velocity(
         self, pose: Pose, target: tuple[float, float], error: float, to_goal_m: float
-    ) -> tuple[float, float, float]:
+    ) -> Command:
         config, limits = self._config, self._task.limits
         yaw_rate = clip(config.angular_gain * error, *limits.yaw_rad_s)
         self._turning = abs(error) > (
@@ -152,7 +152,7 @@ class PathController:
         px, py = self._cursor.point(self._cursor.index)
         left = -math.sin(pose.yaw_rad) * (px - pose.x_m) + math.cos(pose.yaw_rad) * (py - pose.y_m)
         sideways = clip(config.lateral_gain * left, -config.lateral_m_s, config.lateral_m_s)
-        return clip(speed, *limits.vx_m_s), clip(sideways, *limits.vy_m_s), yaw_rate
+        return clip_command((speed, sideways, yaw_rate), limits)
 
     def _why_replan(self, time_s: float, off_m: float) -> str:
         config = self._config
@@ -198,6 +198,6 @@ class PathController:
         self._remaining_m: list[float] = (route.along_m[-1] - route.along_m).tolist()
         self._cursor = RouteCursor(route.xy_m, STEP_M)
 
-    def _decide(self, command: tuple[float, float, float], done: bool = False) -> Decision:
+    def _decide(self, command: Command, done: bool = False) -> Decision:
         notes, self._notes = tuple(self._notes), []
         return Decision(command, done=done, notes=notes)

@@ -10,10 +10,8 @@ from dataclasses import dataclass
 
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..robots import CommandLimits
-from .geometry import clip, wrap_angle
-from .interface import STOPPED, Pose
-
-Command = tuple[float, float, float]
+from .geometry import clip, clip_command, wrap_angle
+from .interface import STOPPED, Command, Pose
 
 
 @dataclass(frozen=True)
@@ -123,5 +121,4 @@ def steer(
             clip(cosine * aside - sine * back, -most, most),
             track.sense * speed,
         )
-    vx, vy, yaw = command
-    return clip(vx, *limits.vx_m_s), clip(vy, *limits.vy_m_s), clip(yaw, *limits.yaw_rad_s)
+    return clip_command(command, limits)

@@ -16,9 +16,9 @@ from dataclasses import dataclass, field
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..robots import TIMESTEP_S
 from .expert import Expert, ExpertConfig
-from .geometry import clip, wrap_angle
-from .interface import STOPPED, Decision, Pose, Task
-from .servo import Command, ServoConfig, Track, braking, steer
+from .geometry import clip_command, ramped, wrap_angle
+from .interface import STOPPED, Command, Decision, Pose, Task
+from .servo import ServoConfig, Track, braking, steer
 
 RECENT = 5  # samples of 10 ms over which the velocity is taken
 CLOSED_LOOP_S = 0.7  # an action takes a walking robot about so long in closed loop
@@ -99,8 +99,10 @@ class SpeedController:
             started, self._coming = self._coming, None
             self._track = track = Track(started, pose)
             self._start_s = time_s
-        wanted = self._steered(track, pose) if self._config.end_on_displacement else self._timed()
-        self._command = self._ramped(wanted)
+        config = self._config
+        target = self._steered(track, pose) if config.end_on_displacement else self._timed(track)
+        linear, turn = config.ramp_m_s2 / self.rate_hz, config.ramp_rad_s2 / self.rate_hz
+        self._command = ramped(self._command, target, linear, turn)
         self._pending_m_s.append(self._command[0])
         self._pending_rad_s.append(self._command[2])
         notes = tuple(self._chooser.notes())
@@ -122,12 +124,11 @@ class SpeedController:
         speed = fast if slow is None or self._coming is track.action else slow
         return steer(track, pose, speed, servo, self._task.limits)
 
-    def _timed(self) -> Command:
-        config, limits = self._config, self._task.limits
-        assert self._track is not None
-        if self._track.action is Action.FORWARD:
-            return clip(config.linear_m_s, *limits.vx_m_s), 0.0, 0.0
-        return 0.0, 0.0, clip(self._track.sense * config.yaw_rad_s, *limits.yaw_rad_s)
+    def _timed(self, track: Track) -> Command:
+        config = self._config
+        forward = config.linear_m_s if track.action is Action.FORWARD else 0.0
+        command = (forward, 0.0, track.sense * config.yaw_rad_s)
+        return clip_command(command, self._task.limits)
 
     def _carried(self, seconds: float) -> Pose:
         """Return the pose after `seconds` at the mean velocity of the last samples."""
@@ -171,13 +172,3 @@ class SpeedController:
     def _no_commands(self, seconds: float) -> deque[float]:
         samples = round(seconds * self.rate_hz)
         return deque([0.0] * samples, maxlen=samples)
-
-    def _ramped(self, wanted: Command) -> Command:
-        """Return the command one sample further on the ramp to `wanted`."""
-        linear, turn = self._config.ramp_m_s2, self._config.ramp_rad_s2
-        most = (linear / self.rate_hz, linear / self.rate_hz, turn / self.rate_hz)
-        vx, vy, yaw = (
-            old + clip(new - old, -step, step)
-            for old, new, step in zip(self._command, wanted, most, strict=True)
-        )
-        return vx, vy, yaw

@@ -8,10 +8,8 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
-from .geometry import clip, wrap_angle
-from .interface import STOPPED, Decision, Pose, Task
-
-Command = tuple[float, float, float]
+from .geometry import clip, clip_command, ramped, wrap_angle
+from .interface import STOPPED, Command, Decision, Pose, Task
 
 
 @dataclass(frozen=True)
@@ -114,20 +112,17 @@ class SteeredController:
             if motion is None:
                 return Decision(STOPPED, done=True, notes=notes, chosen=True)
             notes = (*notes, self._begin(motion, time_s, pose))
-        wanted = self._towards(self._ahead[0][0], pose) if self._ahead else self._velocity
-        self._command = self._ramped(wanted or STOPPED)
+        target = self._towards(self._ahead[0][0], pose) if self._ahead else self._velocity
+        config = self._config
+        linear, turn = config.ramp_m_s2 / self.rate_hz, config.ramp_rad_s2 / self.rate_hz
+        self._command = ramped(self._command, target or STOPPED, linear, turn)
         return Decision(self._command, chosen=chosen, notes=notes)
 
     def _begin(self, motion: Motion, time_s: float, pose: Pose) -> tuple[str, str]:
         """Start a motion; return its description for the record."""
         config, limits = self._config, self._task.limits
         if isinstance(motion, Velocity):
-            vx, vy, yaw = motion.command
-            self._velocity = (
-                clip(vx, *limits.vx_m_s),
-                clip(vy, *limits.vy_m_s),
-                clip(yaw, *limits.yaw_rad_s),
-            )
+            self._velocity = clip_command(motion.command, limits)
             self._until_s = time_s + config.action_s
             return "velocity", " ".join(f"{value:.3f}" for value in motion.command)
         self._velocity = None
@@ -166,7 +161,7 @@ class SteeredController:
         if distance < config.near_m:  # overshot, or beside it: not worth a turn
             vx, vy = config.linear_gain * ahead, config.linear_gain * left
             turn = self._turn(wrap_angle(target.yaw_rad - pose.yaw_rad))
-            return clip(vx, *limits.vx_m_s), clip(vy, *limits.vy_m_s), turn
+            return clip_command((vx, vy, turn), limits)
         if abs(error) > config.turn_on_spot_rad:
             return 0.0, 0.0, self._turn(error)
         speed = min(config.linear_gain * distance, config.cruise_m_s)
@@ -178,13 +173,3 @@ class SteeredController:
         fastest = self._config.turn_rad_s
         rate = clip(self._config.angular_gain * error, -fastest, fastest)
         return clip(rate, *self._task.limits.yaw_rad_s)
-
-    def _ramped(self, wanted: Command) -> Command:
-        """Return the command one control step further on the ramp to `wanted`."""
-        linear = self._config.ramp_m_s2 / self.rate_hz
-        most = (linear, linear, self._config.ramp_rad_s2 / self.rate_hz)
-        vx, vy, yaw = (
-            old + clip(new - old, -step, step)
-            for old, new, step in zip(self._command, wanted, most, strict=True)
-        )
-        return vx, vy, yaw

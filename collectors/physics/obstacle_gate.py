@@ -70,10 +70,10 @@ class ObstacleGate:
         if (near != self._open).any():
             self._set(near)
 
-    def _set(self, wanted: NDArray[np.bool_]) -> None:
-        self._open, self.open_bodies = wanted, int(wanted.sum())
+    def _set(self, near: NDArray[np.bool_]) -> None:
+        self._open, self.open_bodies = near, int(near.sum())
         for field, k in ((self._contype, 0), (self._conaffinity, 1)):
-            field[self._bodies] = np.where(wanted, self._bits[True][k], self._bits[False][k])
+            field[self._bodies] = np.where(near, self._bits[True][k], self._bits[False][k])
 
 
 @kernel()

@@ -269,7 +269,7 @@ class EpisodeRun:
             for (action, start), stop in zip(self.actions, stops, strict=bool(self.actions))
         ]
         place, quat = arrays["position_world_m"], arrays["quat_wxyz"]
-        made = provenance(world, config, teleports=self.entry.teleports)
+        facts = provenance(world, config, teleports=self.entry.teleports)
         metrics = rollout_metrics(self.episode, world.freemap, place, end)
         return Rollout(
             episode=self.episode,
@@ -282,6 +282,6 @@ class EpisodeRun:
             end_reason=end,
             metrics=replace(metrics, recovered=self.ending.recovered, down=self.ending.down),
             labels=() if self.actions else expert_labels(self.task, place, quat),
-            facts=made | self.facts,
+            facts=facts | self.facts,
             **arrays,
         )

@@ -14,6 +14,8 @@ from ..config import ModelConfig
 
 # Mean and spread of the images that torchvision's networks were trained on.
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+# What reading a file raises that has no weights of this network.
+_DAMAGED = (OSError, RuntimeError, ValueError, KeyError, UnpicklingError, SafetensorError)
 
 
 class CompactEncoder(nn.Module):
@@ -55,14 +57,7 @@ class TorchvisionEncoder(nn.Module):
             path = Path(config.encoder_weights)
             try:
                 network.load_state_dict(_read_weights(path))
-            except (
-                OSError,
-                RuntimeError,
-                ValueError,
-                KeyError,
-                UnpicklingError,
-                SafetensorError,
-            ) as error:
+            except _DAMAGED as error:
                 raise FileFormatError(
                     path, f"not weights of {config.encoder}: {str(error).splitlines()[0]}"
                 ) from error

@@ -229,15 +229,7 @@ def _restore(path: Path, training: _Training) -> int:
         for number, value in enumerate(state["random_cuda"][: torch.cuda.device_count()]):
             torch.cuda.set_rng_state(value, number)
         return int(state["done"])
-    except (
-        OSError,
-        RuntimeError,
-        KeyError,
-        ValueError,
-        TypeError,
-        EOFError,
-        UnpicklingError,
-    ) as error:
+    except _DAMAGED as error:
         raise FileFormatError(
             path, f"not the state of this training run; delete it to start again ({error})"
         ) from error

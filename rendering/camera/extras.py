@@ -42,7 +42,7 @@ class Extras:
             "instance": self.instance,
             "depth_mm": self.millimetres,
         }
-        return [name for name, wanted in chosen.items() if wanted]
+        return [name for name, enabled in chosen.items() if enabled]
 
     @property
     def labelled(self) -> bool:

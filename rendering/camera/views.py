@@ -174,17 +174,17 @@ def parse_views(
     defaults.check()
     views = []
     for word in text.split(","):
-        found = CAMERA.fullmatch(word.strip())
-        if found is None:
+        match = CAMERA.fullmatch(word.strip())
+        if match is None:
             raise InputError(
                 f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
             )
         view = make_view(
-            found["kind"],
+            match["kind"],
             robot,
-            width_px=int(found["width"]) if found["width"] else defaults.width_px,
-            height_px=int(found["height"]) if found["height"] else defaults.height_px,
-            hfov_deg=float(found["hfov"]) if found["hfov"] else defaults.hfov_deg,
+            width_px=int(match["width"]) if match["width"] else defaults.width_px,
+            height_px=int(match["height"]) if match["height"] else defaults.height_px,
+            hfov_deg=float(match["hfov"]) if match["hfov"] else defaults.hfov_deg,
             light=light,
             renderer=renderer,
             height_m=defaults.height_m,

@@ -63,7 +63,7 @@ def film_strip(
         _tile(np.asarray(frame.to_ndarray(format=DEPTH_PIXEL_FORMAT), np.uint16), tile_px)
         for frame in pick_frames(frames.depth_video, numbers)
     )
-    depths = [codes_to_depth(one, frames.depth_range) for one in codes]
+    depths = [codes_to_depth(code, frames.depth_range) for code in codes]
     rows = [colours, [*map(depth_picture, depths), depth_scale(len(depths[0]))]]
     if frames.facts["kind"] != "chase":
         behind = make_view(

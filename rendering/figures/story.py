@@ -46,7 +46,7 @@ def policy_film(
     behind = make_view(
         "chase", robot, width_px=320, height_px=TILE_PX, light=view.light, renderer=view.renderer
     )
-    plans = [RolloutFrames.plan(renderer, rollout, one, samples, robot) for one in (ego, behind)]
+    plans = [RolloutFrames.plan(renderer, rollout, each, samples, robot) for each in (ego, behind)]
     pairs = zip(*(plan.render(renderer) for plan in plans), strict=True)
     last: list[Picture] = []
 
@@ -106,9 +106,9 @@ def _titled(views: Picture, rollout: Rollout, sample: int, ended: bool) -> Pictu
     text = "   ".join(filter(None, (_action_at(rollout, sample), _end(rollout) if ended else "")))
     time = f"{rollout.time_s[sample]:6.1f} s  "
     draw.text((6, views.shape[0] + head + 4), time + text, (240, 205, 110), font)
-    said = _latest(rollout, sample, (SAID,))
-    if said:
-        draw.text((6, views.shape[0] + head + 21), said[: width // 7], (160, 190, 240), font)
+    speech = _latest(rollout, sample, (SAID,))
+    if speech:
+        draw.text((6, views.shape[0] + head + 21), speech[: width // 7], (160, 190, 240), font)
     return np.asarray(image)
 
 
@@ -127,7 +127,7 @@ def _action_at(rollout: Rollout, sample: int) -> str:
 
 def _latest(rollout: Rollout, sample: int, kinds: tuple[str, ...]) -> str:
     time_s = sample / STATE_RATE_HZ + 1e-6
-    found = [e for e in rollout.events if e.kind in kinds and e.time_s <= time_s]
-    if not found:
+    events = [e for e in rollout.events if e.kind in kinds and e.time_s <= time_s]
+    if not events:
         return ""
-    return found[-1].detail if kinds == (SAID,) else f"{found[-1].kind} {found[-1].detail}"
+    return events[-1].detail if kinds == (SAID,) else f"{events[-1].kind} {events[-1].detail}"

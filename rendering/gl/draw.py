@@ -173,8 +173,8 @@ class ModelDrawer:
         rgb = np.empty((height, width, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(rgb, None, window, self._pixels)
         code = rgb[::-1].astype(np.int64) @ np.array([1, 256, 65536]) - 1
-        known = np.array([g.objid for g in self._scene.geoms[: self._scene.ngeom]] + [-1])
-        return known[np.where(code < self._scene.ngeom, code, -1)]
+        geom_of = np.array([g.objid for g in self._scene.geoms[: self._scene.ngeom]] + [-1])
+        return geom_of[np.where(code < self._scene.ngeom, code, -1)]
 
 
 class _Cut:
@@ -183,12 +183,12 @@ class _Cut:
     def __init__(self, context: GlContext, view: DrawnView):
         self._gl = context.gl
         height, rotation = view.request.position[2], view.request.rotation
-        self._wanted = bool(height > view.cut_above_m)
+        self._active = bool(height > view.cut_above_m)
         down = -rotation[2]  # world down in the optical frame; OpenGL's y and z axes are opposite
         self._plane = [down[0], -down[1], -down[2], float(view.cut_above_m - height)]
 
     def __enter__(self) -> None:
-        if self._wanted:
+        if self._active:
             gl = self._gl
             gl.glMatrixMode(gl.GL_MODELVIEW)
             gl.glPushMatrix()
@@ -198,5 +198,5 @@ class _Cut:
             gl.glEnable(gl.GL_CLIP_PLANE0)
 
     def __exit__(self, *_: object) -> None:
-        if self._wanted:
+        if self._active:
             self._gl.glDisable(self._gl.GL_CLIP_PLANE0)

@@ -90,7 +90,7 @@ class Packets(NamedTuple):
         rays, bits: the packet, and the same memory as int32; see `packets.packet`.
         shadow_rays, shadow_bits: the packet of its shadow rays, likewise.
         starts: (16,) ray parameters of the rays' origins.
-        known: (16,) rays traced before whose colours the rays get, −1 = none.
+        reused: (16,) rays traced before whose colours the rays get, −1 = none.
         taps: (16,) taps of the texture footprints.
         samples: (16, 5) u, v, mip level, and the longer side of the footprints.
     """
@@ -103,7 +103,7 @@ class Packets(NamedTuple):
     shadow_rays: F32
     shadow_bits: NDArray[np.int32]
     starts: F32
-    known: NDArray[np.int32]
+    reused: NDArray[np.int32]
     taps: NDArray[np.int32]
     samples: F32
 

@@ -63,12 +63,12 @@ def render_rays(
             packets.arguments.ctypes.data,
         )
         for k in range(count):
-            packets.known[k] = _seen_before(packets, k, order[first + k], near, seen)
+            packets.reused[k] = _seen_before(packets, k, order[first + k], near, seen)
         if lit_apart:
             _trace_lamp(packets, order, first, directions, eye, light.lamp)
         for k in range(count):
             i = order[first + k]
-            if i >= 0 and packets.bits[GEOM * count + k] != -1 and packets.known[k] < 0:
+            if i >= 0 and packets.bits[GEOM * count + k] != -1 and packets.reused[k] < 0:
                 _find_footprint(packets, k, i, directions, pixel, scene, texels)
         for k in range(count):
             i = order[first + k]
@@ -80,10 +80,10 @@ def render_rays(
                 hits.prim[i] = -1
                 dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
                 red, green, blue = background(dx, dy, dz, light.room)
-            elif packets.known[k] >= 0:
+            elif packets.reused[k] >= 0:
                 _locate(packets, k, i, scene, hits)
-                known = packets.known[k]
-                red, green, blue = seen.color[known, 0], seen.color[known, 1], seen.color[known, 2]
+                j = packets.reused[k]
+                red, green, blue = seen.color[j, 0], seen.color[j, 1], seen.color[j, 2]
             else:
                 gain = f32(1.0)
                 if lit_apart and packets.shadow_rays[FAR * count + k] < f32(0.0):
@@ -130,10 +130,10 @@ def _normal_at(packets, k):
 def _seen_before(packets, k, i, near, seen):
     """Return the ray next to ray `i` in lane `k` if both hit the same triangle, else −1."""
     if near.shape[0] > 0 and i >= 0:
-        known = near[i]
+        reused = near[i]
         # A robot in front of the triangle has a surface below −1.
-        if seen.prim[known] == packets.bits[PRIM * packets.size + k] and seen.surface[known] >= 0:
-            return known
+        if seen.prim[reused] == packets.bits[PRIM * packets.size + k] and seen.surface[reused] >= 0:
+            return reused
     return np.int32(-1)
 
 
@@ -156,7 +156,7 @@ def _trace_lamp(packets, order, first, directions, eye, lamp):
     for k in range(packets.size):
         shadow_bits[VALID + k] = 0
         i = order[first + k]
-        if i < 0 or packets.bits[GEOM * packets.size + k] == -1 or packets.known[k] >= 0:
+        if i < 0 or packets.bits[GEOM * packets.size + k] == -1 or packets.reused[k] >= 0:
             continue
         nx, ny, nz = _normal_at(packets, k)
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]

@@ -65,8 +65,8 @@ class _Vectors:
         """Return (words >> shift) & mask as floats."""
         builder, count = self.builder, words.type.count
         shifted = builder.lshr(words, self.of([shift] * count))
-        kept = builder.and_(shifted, self.constant([mask] * count, I32))
-        return builder.sitofp(kept, ir.VectorType(F32, count))
+        masked = builder.and_(shifted, self.constant([mask] * count, I32))
+        return builder.sitofp(masked, ir.VectorType(F32, count))
 
     def total(self, vector: Any) -> Any:
         """Return the sum of a vector's lanes."""

@@ -118,17 +118,17 @@ class RobotBody:
         free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
         if len(free) != 1:
             raise ValueError(f"the robot model has {len(free)} free joints; valid: exactly one")
-        known = {model.joint(j).name: j for j in range(model.njnt)}
-        missing = sorted(set(joint_names) - set(known))
+        joints = {model.joint(j).name: j for j in range(model.njnt)}
+        missing = sorted(set(joint_names) - set(joints))
         if missing:
-            raise ValueError(f"joints {missing} are not in the model; valid: {sorted(known)}")
+            raise ValueError(f"joints {missing} are not in the model; valid: {sorted(joints)}")
         self.model = model
         self.surfaces = tessellate(model)
         self._geoms = np.array([s.geom for s in self.surfaces], dtype=np.int64)
         self._data = mujoco.MjData(model)
         self._base = int(model.jnt_qposadr[free[0]])
         self._joints = np.array(
-            [model.jnt_qposadr[known[name]] for name in joint_names], dtype=np.int64
+            [model.jnt_qposadr[joints[name]] for name in joint_names], dtype=np.int64
         )
 
     def pose(

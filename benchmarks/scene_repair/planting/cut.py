@@ -35,7 +35,7 @@ def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part
     if not near.any():
         return part
     away = _section(outline.rings)
-    kept: list[NDArray[np.float64]] = []
+    pieces: list[NDArray[np.float64]] = []
     parents: list[int] = []
     changed = np.zeros(len(part.faces), dtype=bool)
     for face in np.flatnonzero(near):
@@ -51,9 +51,9 @@ def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part
             continue
         changed[face] = True
         for piece in _triangles(rest):
-            kept.append(piece if doubled > 0 else piece[::-1])
+            pieces.append(piece if doubled > 0 else piece[::-1])
             parents.append(int(face))
-    return _rebuilt(part, changed, kept, parents)
+    return _rebuilt(part, changed, pieces, parents)
 
 
 def cut_whole(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
@@ -76,23 +76,23 @@ def _triangles(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
     loops: Any = section.to_polygons()
     if not len(loops):
         return []
-    found: Any = manifold3d.triangulate(loops, 1e-9, True)
+    triangles: Any = manifold3d.triangulate(loops, 1e-9, True)
     points = np.concatenate([np.asarray(loop) for loop in loops])
-    return list(points[np.asarray(found)])
+    return list(points[np.asarray(triangles)])
 
 
 def _rebuilt(
     part: Part,
     changed: NDArray[np.bool_],
-    kept: list[NDArray[np.float64]],
+    pieces: list[NDArray[np.float64]],
     parents: list[int],
 ) -> Part:
     """Return the part with its changed faces replaced by triangles `kept` of the same planes."""
     if not changed.any():
         return part
-    if not kept:
+    if not pieces:
         return replace(part, faces=part.faces[~changed])
-    flat = np.concatenate(kept)
+    flat = np.concatenate(pieces)
     parent = np.repeat(parents, 3)
     tri = part.faces[parent]
     weight = _barycentric(part.points_m[tri][..., :2], flat)

@@ -174,11 +174,11 @@ def _ring(low: Corner, high: Corner, bottom: float, top: float) -> Triangles:
     """Return the four upright sides of a box."""
     (x0, y0), (x1, y1) = low, high
     loop = [(x0, y0), (x1, y0), (x1, y1), (x0, y1)]
-    found = []
+    triangles = []
     for k in range(4):
         (ax, ay), (bx, by) = loop[k], loop[(k + 1) % 4]
-        found += _quad((ax, ay, bottom), (bx, by, bottom), (bx, by, top), (ax, ay, top))
-    return np.array(found)
+        triangles += _quad((ax, ay, bottom), (bx, by, bottom), (bx, by, top), (ax, ay, top))
+    return np.array(triangles)
 
 
 def _sheet(low: Corner, high: Corner, z: float) -> Triangles:

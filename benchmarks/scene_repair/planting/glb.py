@@ -60,7 +60,7 @@ class Glb:
 
     def parts(self) -> list[Part]:
         """Return every primitive, with positions turned z up."""
-        found = []
+        parts = []
         for k, node in enumerate(self.tree["nodes"]):
             if "mesh" not in node:
                 continue
@@ -72,8 +72,8 @@ class Glb:
                 faces = self._read(primitive["indices"]).astype(np.int64).reshape(-1, 3)
                 others = {n: a.astype(np.float32) for n, a in read.items()}
                 name = node.get("name", f"node_{k}")
-                found.append(Part(name, k, node["mesh"], p, points, faces, others))
-        return found
+                parts.append(Part(name, k, node["mesh"], p, points, faces, others))
+        return parts
 
     def replace(self, part: Part) -> None:
         """Write a changed part back."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from ....formats.core.rollout import REST_M_S
 from ...controllers import STOPPED, Coasting, Pose
+from ...controllers.interface import Command
 from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec
 from . import GaitPolicy
 
@@ -17,8 +18,6 @@ _STEP_S = POLICY_DECIMATION * TIMESTEP_S
 _SETTLE_S, _WALK_S, _LONGEST_S = 0.4, 1.5, 1.5
 _PHASES_S = (0.0, 0.13, 0.26)  # stops at different instants of a stride
 _TURN_RAD_S = 1.0
-
-Command = tuple[float, float, float]
 
 
 def coasting_of(robot: RobotSpec, gait: Any) -> Coasting:

@@ -52,8 +52,8 @@ class DifferentialDrive:
         Returns:
             (J,) in the order of `robot.joint_names`.
         """
-        wanted = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64))[[0, 2]]
-        self._speed = self._speed + np.clip(wanted - self._speed, -self._most, self._most)
+        target = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64))[[0, 2]]
+        self._speed = self._speed + np.clip(target - self._speed, -self._most, self._most)
         targets = self._default.copy()
         targets[self._wheels] = (self._speed[0] - self._y_m * self._speed[1]) / self._radius_m
         return targets

@@ -67,8 +67,8 @@ def biped_walk(
     ankle = "ankle_pitch" if "left_ankle_pitch_joint" in joints else "ankle"
 
     def row(side: str, parts: Mapping[str, float]) -> Row:
-        wanted = {f"{side}_{part}_joint": value for part, value in parts.items()}
-        return tuple(wanted.get(name, 0.0) for name in joints)
+        offsets = {f"{side}_{part}_joint": value for part, value in parts.items()}
+        return tuple(offsets.get(name, 0.0) for name in joints)
 
     def alike(parts: Mapping[str, float]) -> tuple[Row, Row]:
         return row("left", parts), row("right", parts)

@@ -76,8 +76,8 @@ def velocity_errors(
 
 def _mean(values: Array) -> float:
     """Return the mean of what is not NaN; NaN when nothing is."""
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if len(known) else float("nan")
+    valid = values[np.isfinite(values)]
+    return float(valid.mean()) if len(valid) else float("nan")
 
 
 def standing(policy: GaitPolicy, seconds: float = 5.0) -> dict[str, float]:

@@ -59,7 +59,7 @@ class _Table:
 
     def __init__(self, path: Path, name: str, raw: dict[str, Any]):
         self.path, self.name, self.raw = path, name, raw
-        self.known: list[str] = []
+        self.read_keys: list[str] = []
 
     def facts(self) -> FolderFacts:
         name = self.text("name")
@@ -93,14 +93,14 @@ class _Table:
         return FileFormatError(self.path, f"{field} {reason}")
 
     def get(self, key: str, default: Any = None) -> Any:
-        self.known.append(key)
+        self.read_keys.append(key)
         return self.raw.get(key, default)
 
     def refuse_unknown(self) -> None:
         for key in self.raw:
-            if key not in self.known:
-                hint = did_you_mean(key, self.known)
-                valid = ", ".join(dict.fromkeys(self.known))
+            if key not in self.read_keys:
+                hint = did_you_mean(key, self.read_keys)
+                valid = ", ".join(dict.fromkeys(self.read_keys))
                 raise self.error(key, f"is unknown{hint}; valid: {valid}")
 
     def text(self, key: str, default: str | None = None) -> str:

@@ -75,8 +75,8 @@ class ModelReader:
                 f"joints.{name}.default_rad",
                 f"is {default_rad:g}; valid: {limits[0]:.4g} … {limits[1]:.4g}",
             )
-        known = [model.actuator(i).name for i in range(model.nu)]
-        if name not in known:
+        driven = [model.actuator(i).name for i in range(model.nu)]
+        if name not in driven:
             raise FileFormatError(self.path, f"joint {name!r} has no actuator; valid: one")
         servo = model.actuator(name)
         gain, bias, speed = servo.gainprm, servo.biasprm, math.inf
