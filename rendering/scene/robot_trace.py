@@ -108,18 +108,18 @@ class RobotTracer:
         origins = np.empty_like(local)
         origins[:] = geom.camera_in_geom_m
         far = np.minimum(hits.depth[rays], np.float32(1e30))
-        part_hits = self._scenes[geom.index].trace(origins=origins, directions=local, far=far)
-        nearer = np.flatnonzero(part_hits.prim >= 0)
+        touched = self._scenes[geom.index].trace(origins=origins, directions=local, far=far)
+        nearer = np.flatnonzero(touched.prim >= 0)
         if not len(nearer):
             return
         rays = rays[nearer]
         surface = self.surfaces[geom.index]
-        part_hits = PacketHits(*(values[nearer] for values in part_hits))
+        touched = PacketHits(*(values[nearer] for values in touched))
         shade_robot(
-            rays, directions, eye_m.astype(np.float32), part_hits, surface.normals, geom.rotation_world,
+            rays, directions, eye_m.astype(np.float32), touched, surface.normals, geom.rotation_world,
             surface.color_linear, light, hits.color,
         )  # fmt: skip
-        hits.depth[rays] = part_hits.depth
+        hits.depth[rays] = touched.depth
         hits.surface[rays] = FIRST_ROBOT_SURFACE - geom.index
 
 
