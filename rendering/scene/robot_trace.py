@@ -116,8 +116,8 @@ class RobotTracer:
         surface = self.surfaces[geom.index]
         touched = PacketHits(*(values[nearer] for values in touched))
         shade_robot(
-            rays, directions, eye_m.astype(np.float32), touched, surface.normals, geom.rotation_world,
-            surface.color_linear, light, hits.color,
+            rays, directions, eye_m.astype(np.float32), touched, surface.normals,
+            geom.rotation_world, surface.color_linear, light, hits.color,
         )  # fmt: skip
         hits.depth[rays] = touched.depth
         hits.surface[rays] = FIRST_ROBOT_SURFACE - geom.index
