@@ -10,6 +10,13 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+DEPTH_STEP_M = 0.001  # decoded depth is kept in whole millimetres
+
+
+def to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+    """Return depth [m] in whole millimetres, at most 65535."""
+    return np.rint(depth_m / DEPTH_STEP_M).clip(0, 65535).astype(np.uint16)
+
 
 def rgb_input(rgb: NDArray[np.uint8], size_px: int) -> Tensor:
     """Return an image (H, W, 3) as (3, size, size) uint8, averaged over areas."""

@@ -51,7 +51,7 @@ class RobotHandles:
             InputError: the robot is not in the model, or more than once.
         """
         names = [model.joint(i).name for i in range(model.njnt)]
-        roots = [n for n in names if n == robot.root_joint or n.endswith(("/" + robot.root_joint,))]
+        roots = [n for n in names if n == robot.root_joint or n.endswith("/" + robot.root_joint)]
         if len(roots) != 1:
             raise InputError(
                 f"the model contains robot {robot.name} {len(roots)} times; valid: once, with "
@@ -63,9 +63,6 @@ class RobotHandles:
         soles = np.array(
             [[model.geom(prefix + name).id for name in foot.soles] for foot in robot.feet]
         )
-        sensor = {
-            kind: int(model.sensor(prefix + kind).adr[0]) for kind in ("gyro", "accelerometer")
-        }
         return cls(
             robot=robot,
             prefix=prefix,
@@ -86,8 +83,8 @@ class RobotHandles:
             foot_touch=np.array(
                 [model.sensor(f"{prefix}{name}_touch").adr[0] for name in robot.foot_names]
             ),
-            gyro=sensor["gyro"],
-            accelerometer=sensor["accelerometer"],
+            gyro=int(model.sensor(prefix + "gyro").adr[0]),
+            accelerometer=int(model.sensor(prefix + "accelerometer").adr[0]),
             camera=model.camera(prefix + robot.camera.name).id,
         )
 

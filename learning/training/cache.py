@@ -8,7 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save_file
@@ -20,10 +19,10 @@ from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ..config import IMAGES
+from ..images import DEPTH_STEP_M, to_millimetres
 
 log = logging.getLogger(__name__)
 
-_DEPTH_STEP_M = 0.001  # depth is kept in whole millimetres
 _CHECKSUM = "crc32"  # its name in a file's metadata
 
 
@@ -76,7 +75,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
                 path, f"a damaged decoded episode; delete it, and it is decoded again ({error})"
             ) from error
         if "depth" in item:
-            item["depth"] = item["depth"].to(torch.float32) * _DEPTH_STEP_M
+            item["depth"] = item["depth"].to(torch.float32) * DEPTH_STEP_M
         tokens = torch.from_numpy(self.sequences.tokens.encode(self._choice.text(entry)))
         return item | {"tokens": tokens, "uid": entry.uid, "robot": entry.robot}
 
@@ -92,8 +91,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         if not _is_whole(path):
             item = self.sequences[number]
             values = {k: v for k, v in item.items() if torch.is_tensor(v) and k != "tokens"}
-            millimetres = np.rint(values["depth"].numpy() / _DEPTH_STEP_M).clip(0, 65535)
-            values["depth"] = torch.from_numpy(millimetres.astype(np.uint16))
+            values["depth"] = torch.from_numpy(to_millimetres(values["depth"].numpy()))
             values = {k: v.contiguous() for k, v in values.items()}
             with atomic_file(path) as temporary:
                 save_file(values, temporary, {_CHECKSUM: _checksum(values)})

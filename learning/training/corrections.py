@@ -16,9 +16,8 @@ from ...datasets.tokens import Tokens
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
 from ..config import TrainConfig
+from ..images import DEPTH_STEP_M, to_millimetres
 from ..models.heads import FUTURE
-
-_DEPTH_STEP_M = 0.001
 
 
 @dataclass(frozen=True)
@@ -49,9 +48,8 @@ class Correction:
 def write_correction(path: Path, walk: Correction) -> None:
     """Write one walk."""
     values = {key: value for key, value in vars(walk).items() if key != "depth_m"}
-    millimetres = np.rint(walk.depth_m / _DEPTH_STEP_M).clip(0, 65535).astype(np.uint16)
     with atomic_file(path) as temporary, temporary.open("wb") as stream:
-        np.savez(stream, depth_mm=millimetres, **values)
+        np.savez(stream, depth_mm=to_millimetres(walk.depth_m), **values)
 
 
 class CorrectedEpisodes(Dataset[dict[str, Any]]):
@@ -96,7 +94,7 @@ class CorrectedEpisodes(Dataset[dict[str, Any]]):
         inflection = np.float32(self._config.inflection)
         values: dict[str, NDArray[Any]] = {
             "rgb": arrays["rgb"],
-            "depth": arrays["depth_mm"].astype(np.float32) * np.float32(_DEPTH_STEP_M),
+            "depth": arrays["depth_mm"].astype(np.float32) * np.float32(DEPTH_STEP_M),
             "action": action,
             "previous_action": np.concatenate([[0], 1 + executed[:-1]]),
             "weight": np.where(changed, inflection, np.float32(1)),

@@ -37,12 +37,12 @@ class Extras:
 
     def names(self) -> list[str]:
         """Return the names of these videos, without suffix."""
-        chosen = {
+        enabled = {
             "semantic": self.semantic,
             "instance": self.instance,
             "depth_mm": self.millimetres,
         }
-        return [name for name, enabled in chosen.items() if enabled]
+        return [name for name, written in enabled.items() if written]
 
     @property
     def labelled(self) -> bool:

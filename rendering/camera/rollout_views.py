@@ -95,25 +95,7 @@ def render_rollout(
             rgb_counts=rgb_counts,
             depth_counts=depth_counts,
         )
-    write_json(
-        out_dir / "meta.json",
-        _facts(bundle, rollout, view, limits, frames=count, rate=frames_per_second, codec=codec)
-        | extras.facts(),
-    )
-    return count
-
-
-def _facts(
-    bundle: SceneBundle,
-    rollout: Rollout,
-    view: View,
-    depth_range: DepthRange,
-    *,
-    frames: int,
-    rate: int,
-    codec: str,
-) -> dict[str, object]:
-    return {
+    facts: dict[str, object] = {
         "scene_id": bundle.scene_id,
         "episode_id": rollout.episode.episode_id,
         "robot": rollout.robot,
@@ -124,19 +106,21 @@ def _facts(
         "kind": view.kind,
         "renderer": view.renderer,
         "light": view.light,
-        "frames": frames,
-        "frames_per_second": rate,
+        "frames": count,
+        "frames_per_second": frames_per_second,
         "camera": view.camera.to_json(),
         "depth": {
             "meaning": "planar z in metres, 0 = invalid",
-            "near_m": depth_range.near_m,
-            "far_m": depth_range.far_m,
+            "near_m": limits.near_m,
+            "far_m": limits.far_m,
             "file": DEPTH_VIDEO,
             "codec": DEPTH_CODEC.canonical,
             "pixel_format": DEPTH_CODEC.pixel_format,
         },
         "rgb": {"file": "rgb.mp4", "codec": codec},
     }
+    write_json(out_dir / "meta.json", facts | extras.facts())
+    return count
 
 
 def _write_videos(

@@ -153,6 +153,13 @@ def make_view(
     return View(kind, camera, light, renderer, *mounting)
 
 
+def chase_view(renderer: Renderer, width_px: int, height_px: int) -> View:
+    """Return the view from behind the robot, for a renderer and its light."""
+    camera = CameraModel("chase", width_px, height_px, CHASE.hfov_deg)
+    return View("chase", camera, renderer.light, renderer.name)
+
+
+CHASE = CameraModel("chase", 640, 480, 75.0)
 CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
 MAX_SIDE_PX = 8192
 
@@ -247,6 +254,6 @@ def _top_path(shot: Shot) -> CameraPath:
 
 VIEWS: dict[str, ViewKind] = {
     "ego": ViewKind(lambda robot: robot.camera.model, _ego_path, onboard=True),
-    "chase": ViewKind(lambda robot: CameraModel("chase", 640, 480, 75.0), _chase_path),
+    "chase": ViewKind(lambda robot: CHASE, _chase_path),
     "top": ViewKind(lambda robot: CameraModel("top", 480, 480, 50.0), _top_path),
 }

@@ -15,7 +15,7 @@ from ...formats.video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
 from ...formats.video.depth_picture import depth_picture, depth_scale
 from ...formats.video.stream import pick_frames
 from ..camera.rollout_views import RolloutFrames
-from ..camera.views import make_view
+from ..camera.views import chase_view
 from ..interface import Renderer
 from .pictures import Picture, save_picture, stamp
 
@@ -66,14 +66,7 @@ def film_strip(
     depths = [codes_to_depth(code, frames.depth_range) for code in codes]
     rows = [colours, [*map(depth_picture, depths), depth_scale(len(depths[0]))]]
     if frames.facts["kind"] != "chase":
-        behind = make_view(
-            "chase",
-            robot,
-            width_px=tile_px,
-            height_px=round(0.75 * tile_px),
-            light=renderer.light,
-            renderer=renderer.name,
-        )
+        behind = chase_view(renderer, tile_px, round(0.75 * tile_px))
         plan = RolloutFrames.plan(renderer, rollout, behind, samples[numbers], robot)
         rows.append([rgb for rgb, _ in plan.render(renderer)])
     picture = _grid(rows)

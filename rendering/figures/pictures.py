@@ -13,7 +13,7 @@ from ...formats.core.atomic import atomic_file
 from ...formats.core.rollout import Rollout
 from ...formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_rgb_video
 from ..camera.rollout_frames import RolloutFrames
-from ..camera.views import View, make_view
+from ..camera.views import View, chase_view
 from ..interface import Renderer
 
 Picture = NDArray[np.uint8]
@@ -48,23 +48,21 @@ def third_person_clip(
         ValueError: the frame rate does not divide 100.
     """
     spec = robot or get_robot(rollout.robot)
-    view = make_view(
-        "chase",
-        spec,
-        width_px=width_px,
-        height_px=height_px,
-        light=renderer.light,
-        renderer=renderer.name,
-    )
+    view = chase_view(renderer, width_px, height_px)
     pictures = _stamped(renderer, rollout, view, frames_per_second, spec, last_s)
+    return write_clip(path, pictures, frames_per_second)
+
+
+def write_clip(path: Path, frames: Iterator[Picture], frames_per_second: int) -> Picture:
+    """Write a small `.mp4` for pages, and return its last frame."""
     last: list[Picture] = []
 
-    def keeping_last() -> Iterator[Picture]:
-        for picture in pictures:
-            last[:] = [picture]
-            yield picture
+    def watched() -> Iterator[Picture]:
+        for frame in frames:
+            last[:] = [frame]
+            yield frame
 
-    write_rgb_video(path, keeping_last(), frames_per_second, CLIP_CODEC)
+    write_rgb_video(path, watched(), frames_per_second, CLIP_CODEC)
     return last[0]
 
 

@@ -10,13 +10,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from ...collectors.robots import RobotSpec
 from ...formats.core.rollout import STATE_RATE_HZ, Rollout
-from ...formats.video.mp4 import write_rgb_video
 from ..camera.rollout_frames import RolloutFrames
-from ..camera.views import View, make_view
+from ..camera.views import View, chase_view, make_view
 from ..interface import Renderer
-from .pictures import CLIP_CODEC
+from .pictures import Picture, write_clip
 
-Picture = NDArray[np.uint8]
 TILE_PX = 240  # height of both views
 FRAMES_PER_SECOND = 8
 MOST_FRAMES = 160  # the end of a longer walk is shown
@@ -43,26 +41,22 @@ def policy_film(
     """
     samples = _moments(rollout)
     ego = _resized(view, robot, renderer)
-    behind = make_view(
-        "chase", robot, width_px=320, height_px=TILE_PX, light=view.light, renderer=view.renderer
-    )
+    behind = chase_view(renderer, 320, TILE_PX)
     plans = [RolloutFrames.plan(renderer, rollout, each, samples, robot) for each in (ego, behind)]
     pairs = zip(*(plan.render(renderer) for plan in plans), strict=True)
-    last: list[Picture] = []
 
     def frames() -> Iterator[Picture]:
+        frame: Picture = np.zeros((0, 0, 3), np.uint8)
         numbered = enumerate(zip(samples.tolist(), pairs, strict=True), start=1)
         for number, (sample, ((own, _), (chase, _))) in numbered:
             ended = sample == samples[-1]
-            last[:] = [_titled(np.concatenate([own, chase], axis=1), rollout, sample, ended)]
-            yield last[0]
+            frame = _titled(np.concatenate([own, chase], axis=1), rollout, sample, ended)
+            yield frame
             if on_part is not None:
                 on_part(number / len(samples))
-        for _ in range(FRAMES_PER_SECOND):
-            yield last[0]
+        yield from [frame] * FRAMES_PER_SECOND
 
-    write_rgb_video(path, frames(), FRAMES_PER_SECOND, CLIP_CODEC)
-    return last[0]
+    return write_clip(path, frames(), FRAMES_PER_SECOND)
 
 
 def _moments(rollout: Rollout) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ from ...robots import RobotSpec
 from .gait import FACTORS, RATE_HZ, GaitClock
 from .observation import layout, past_steps
 
+_ROWS = ("swing_rad", "stance_rad", "forward_rad", "left_rad")
 _AIM = ("aim", "aim_limits")
 POLICY_FOLDER = Path(__file__).parents[1] / "policies"
 
@@ -107,7 +108,7 @@ def _gait_sizes(gait: GaitClock, joints: int) -> list[tuple[str, Shape, tuple[Sh
     aim = ((3, len(FACTORS)), (3, 2)) if gait.aim else (none, none)
     valid: dict[str, tuple[Shape, ...]] = {
         "stand_rad": ((joints,),),
-        **dict.fromkeys(("swing_rad", "stance_rad", "forward_rad", "left_rad"), rows),
+        **dict.fromkeys(_ROWS, rows),
         "turn_rad": (*rows, none),
         "foot_xy_m": ((feet, 2),),
         "aim": aim[:1],
@@ -139,15 +140,7 @@ def load_card(path: Path) -> PolicyCard:
         gait = values["gait"]
         for key in ("foot_offsets", "stand_rad"):
             gait[key] = tuple(gait[key])
-        for key in (
-            "swing_rad",
-            "stance_rad",
-            "forward_rad",
-            "left_rad",
-            "turn_rad",
-            "foot_xy_m",
-            *_AIM,
-        ):
+        for key in (*_ROWS, "turn_rad", "foot_xy_m", *_AIM):
             gait[key] = tuple(tuple(row) for row in gait.get(key, ()))
         values["gait"] = GaitClock(**gait)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]

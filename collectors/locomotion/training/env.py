@@ -15,7 +15,7 @@ from ...robots.parts import UNLIMITED
 from ..runtime.observation import layout, states_of
 from ..runtime.step import GaitStep
 from ..trials.terrain import Terrain
-from ..trials.trial import STEP_S, TargetPipe
+from ..trials.trial import STEP_S, TargetPipe, fallen
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
@@ -155,12 +155,12 @@ class GaitEnv(VecEnv):
         reward = sum(self._weight(name) * value for name, value in terms.items())
         reward = np.clip(np.nan_to_num(np.asarray(reward)), -20.0, 20.0) * STEP_S
 
-        fallen = self._fallen(facts)
+        fell = self._fallen(facts)
         expired = self._age >= self.max_episode_length
         left = np.max(np.abs(self._qpos[:, :2]), axis=1) > self.terrain.half_m
-        time_out = (expired | left) & ~fallen
-        self._note(facts, terms, fallen, reward)
-        done = fallen | time_out
+        time_out = (expired | left) & ~fell
+        self._note(facts, terms, fell, reward)
+        done = fell | time_out
         self._schedule.change_commands(self._age)
         kicked, kicks = self._schedule.kicks(self._age)
         v = self.handles.root_dof
@@ -224,13 +224,9 @@ class GaitEnv(VecEnv):
         )
 
     def _fallen(self, facts: StepFacts) -> NDArray[np.bool_]:
-        slack, g, fall = self.config.fall_slack, facts.gravity, self.robot.fall
-        roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
-        pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
-        lowest = self._sole_z.min(axis=(1, 2))
-        low = self._com[:, self.handles.root_body, 2] - lowest < fall.com_to_foot_m
+        height = self._com[:, self.handles.root_body, 2] - self._sole_z.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1) | (np.abs(self._qvel).max(axis=1) > 100)
-        return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low | broken
+        return broken | fallen(facts.gravity, height, self.robot.fall, self.config.fall_slack)
 
     def _reset(self, ids: NDArray[np.intp]) -> None:
         n, rng, h = len(ids), self.rng, self.handles
@@ -262,13 +258,13 @@ class GaitEnv(VecEnv):
         self,
         facts: StepFacts,
         terms: dict[str, Array],
-        fallen: NDArray[np.bool_],
+        fell: NDArray[np.bool_],
         reward: Array,
     ) -> None:
         walking = facts.moving & (self._age > 50)
         note = {
             "reward": float(reward.mean()) / STEP_S,
-            "falls_per_minute": float(fallen.mean()) / STEP_S * 60.0,
+            "falls_per_minute": float(fell.mean()) / STEP_S * 60.0,
             "linear_error": _mean(
                 np.linalg.norm(facts.linear_mean - facts.command[:, :2], axis=1), walking
             ),

@@ -20,6 +20,7 @@ from ...controllers.speed import SpeedController
 from ...physics.outcome import OutcomeConfig
 from ..runtime.coasting import coasting_of
 from ..runtime.policy import GaitPolicy
+from .measures import quantile
 from .trial import STEP_S, Conditions, Trial
 
 Array = NDArray[np.float64]
@@ -208,8 +209,8 @@ def action_errors(
         "turn_heading_p90_deg": _p90(turned[~steps]),
         "step_mean_m": _mean(moved[steps, 0]),
         "turn_mean_deg": _mean(turned_deg),
-        "turn_p5_deg": _quantile(turned_deg, 0.05),
-        "turn_p95_deg": _quantile(turned_deg, 0.95),
+        "turn_p5_deg": quantile(turned_deg, 0.05),
+        "turn_p95_deg": quantile(turned_deg, 0.95),
         "reversals": _mean(np.array([_reverses(*p) for s in drivers.actions for p in pairwise(s)])),
         "turns": _mean(~steps),
         "seconds_per_action": _mean(seconds),
@@ -239,8 +240,4 @@ def _mean(values: Array) -> float:
 
 
 def _p90(values: Array) -> float:
-    return _quantile(values, 0.9)
-
-
-def _quantile(values: Array, share: float) -> float:
-    return float(np.quantile(values, share)) if len(values) else math.nan
+    return quantile(values, 0.9)

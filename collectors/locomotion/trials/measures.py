@@ -182,8 +182,8 @@ def stops(
         "rest_s_p99": max(rest_s),
         "rested": float((rest <= GOAL_S).mean()),
         "speed_m_s": list(SPEEDS_M_S),
-        "distance_m_p50": [_quantile(distance[at & ~fallen], 0.5) for at in per_speed],
-        "distance_m_p95": [_quantile(distance[at & ~fallen], 0.95) for at in per_speed],
+        "distance_m_p50": [quantile(distance[at & ~fallen], 0.5) for at in per_speed],
+        "distance_m_p95": [quantile(distance[at & ~fallen], 0.95) for at in per_speed],
         "rest_s_p99_by_speed": [_p99(rest[at]) for at in per_speed],
         "turn_lag_s": measure_turn_lag(policy.robot, policy),
     }
@@ -224,5 +224,6 @@ def _p99(values: Array) -> float:
     return float(np.quantile(values, 0.99, method="higher"))
 
 
-def _quantile(values: Array, share: float) -> float:
+def quantile(values: Array, share: float) -> float:
+    """Return a quantile, NaN of nothing."""
     return float(np.quantile(values, share)) if len(values) else float("nan")

@@ -13,6 +13,7 @@ from ....formats.core.frames import quat_to_yaw
 from ...robots import (
     POLICY_DECIMATION,
     TIMESTEP_S,
+    FallThresholds,
     RobotHandles,
     apply_physics_options,
 )
@@ -53,6 +54,21 @@ class Conditions:
             latency_substeps=np.arange(count) % 2 * POLICY_DECIMATION,
             push_m_s=push_m_s,
         )
+
+
+def fallen(
+    gravity: Array, com_height_m: Array, fall: FallThresholds, slack: float = 1.0
+) -> NDArray[np.bool_]:
+    """Return which of N robots are beyond the thresholds, for roll and pitch times `slack`.
+
+    Args:
+        gravity: (N, 3) unit vector downwards in the base frames.
+        com_height_m: (N,) height of the centre of mass above the lowest sole.
+    """
+    roll = np.abs(np.arctan2(-gravity[:, 1], -gravity[:, 2]))
+    pitch = np.abs(np.arcsin(np.clip(gravity[:, 0], -1, 1)))
+    low = com_height_m < fall.com_to_foot_m
+    return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low
 
 
 class TargetPipe:
@@ -249,14 +265,10 @@ class Trial:
         return np.where(count > 0, speed.sum(axis=-1) / np.maximum(count, 1), np.nan)
 
     def _falls(self) -> NDArray[np.bool_]:
-        fall, g = self.policy.robot.fall, self.state().gravity
-        roll = np.abs(np.arctan2(-g[:, 1], -g[:, 2]))
-        pitch = np.abs(np.arcsin(np.clip(g[:, 0], -1, 1)))
         lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
-        sole = lowest.min(axis=(1, 2))
-        low = self._com[:, self.handles.root_body, 2] - sole < fall.com_to_foot_m
+        height = self._com[:, self.handles.root_body, 2] - lowest.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1)
-        return (roll > fall.roll_rad) | (pitch > fall.pitch_rad) | low | broken
+        return broken | fallen(self.state().gravity, height, self.policy.robot.fall)
 
     def _push(self) -> None:
         """Kick those whose time has come; each has its own, or all were in the same step."""

@@ -116,23 +116,20 @@ class _Table:
             raise self.error(key, _complaint(value, 'a list of strings, e.g. ["a", "b"]'))
         return value
 
-    def number(self, key: str, default: float | None = None) -> float:
+    def number(
+        self,
+        key: str,
+        default: float | None = None,
+        least: float = -math.inf,
+        valid: str = "a number",
+    ) -> float:
         value = self.get(key, default)
-        if not _is_number(value):
-            raise self.error(key, _complaint(value, "a number"))
+        if not _is_number(value) or value < least:
+            raise self.error(key, _complaint(value, valid))
         return float(value)
 
     def positive(self, key: str, default: float | None = None) -> float:
-        value = self.get(key, default)
-        if not _is_number(value) or value <= 0:
-            raise self.error(key, _complaint(value, "a number above 0"))
-        return float(value)
-
-    def not_negative(self, key: str) -> float:
-        value = self.get(key)
-        if not _is_number(value) or value < 0:
-            raise self.error(key, _complaint(value, "a number, 0 or above"))
-        return float(value)
+        return self.number(key, default, math.ulp(0.0), "a number above 0")
 
     def optional_positive(self, key: str) -> float | None:
         return self.positive(key) if self.get(key) is not None else None
@@ -208,7 +205,7 @@ def _camera(table: _Table) -> CameraModel:
 def _fall(table: _Table) -> FallThresholds:
     usual = FallThresholds(com_to_foot_m=0.0)
     fall = FallThresholds(
-        com_to_foot_m=table.not_negative("com_to_foot_m"),
+        com_to_foot_m=table.number("com_to_foot_m", None, 0.0, "a number, 0 or above"),
         roll_rad=math.radians(table.positive("roll_deg", math.degrees(usual.roll_rad))),
         pitch_rad=math.radians(table.positive("pitch_deg", math.degrees(usual.pitch_rad))),
     )

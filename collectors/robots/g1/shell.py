@@ -20,7 +20,9 @@ def dress(bodies: Bodies) -> None:
     _dress_waist(bodies)
     _dress_torso(bodies["torso"])
     for side, sign in SIDES:
-        _dress_side(bodies, side, sign)
+        _dress_thigh(bodies, side, sign)
+        _dress_shank(bodies, side)
+        _dress_arm(bodies, side, sign)
 
 
 def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
@@ -54,13 +56,6 @@ def _dress_head(torso: mujoco.MjsBody) -> None:
     # A tall black visor with a line of light along its edge; the ego camera looks out of it.
     add_visual(torso, "ellipsoid", (0.004, 0.063, 0.091), LIGHT, position=(0.0275, 0.0, 0.4))
     add_visual(torso, "ellipsoid", (0.0495, 0.0605, 0.0885), GLASS, position=(0.024, 0.0, 0.4))
-
-
-def _dress_side(bodies: Bodies, side: str, sign: float) -> None:
-    """Add one leg and one arm; `sign` is 1 for the left side and −1 for the right."""
-    _dress_thigh(bodies, side, sign)
-    _dress_shank(bodies, side)
-    _dress_arm(bodies, side, sign)
 
 
 def _dress_thigh(bodies: Bodies, side: str, sign: float) -> None:

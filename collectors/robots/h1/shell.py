@@ -20,7 +20,9 @@ def dress(bodies: Bodies) -> None:
     _dress_pelvis(bodies["pelvis"])
     _dress_torso(bodies["torso"])
     for side, sign in SIDES:
-        _dress_side(bodies, side, sign)
+        _dress_hip(bodies, side, sign)
+        _dress_leg(bodies, side)
+        _dress_arm(bodies, side, sign)
 
 
 def _dress_pelvis(pelvis: mujoco.MjsBody) -> None:
@@ -53,13 +55,6 @@ def _dress_head(torso: mujoco.MjsBody) -> None:
     add_visual(torso, "ellipsoid", (0.035, 0.0665, 0.102), GLASS, position=(0.0755, 0.0, 0.655))
     # The ego camera's housing: its lens is the camera's mount point.
     add_visual(torso, "capsule", (0.011,), SHELL, ends=((0.106, -0.03, 0.68), (0.106, 0.03, 0.68)))
-
-
-def _dress_side(bodies: Bodies, side: str, sign: float) -> None:
-    """Add one leg and one arm; `sign` is 1 for the left side and −1 for the right."""
-    _dress_hip(bodies, side, sign)
-    _dress_leg(bodies, side)
-    _dress_arm(bodies, side, sign)
 
 
 def _dress_hip(bodies: Bodies, side: str, sign: float) -> None:

@@ -37,20 +37,14 @@ def _parts(body: mujoco.MjsBody, scale: float) -> Part:
         shape: str,
         size: Vector,
         color: Color,
-        position: Vector | None = None,
+        position: Vector = (0.0, 0.0, 0.0),
         *,
         ends: tuple[Vector, Vector] | None = None,
         euler_deg: Vector | None = None,
     ) -> None:
-        add_visual(
-            body,
-            shape,
-            grown(size),
-            color,
-            None if position is None else grown(position),
-            ends=None if ends is None else (grown(ends[0]), grown(ends[1])),
-            euler_deg=euler_deg,
-        )
+        scaled = None if ends is None else (grown(ends[0]), grown(ends[1]))
+        place = grown(position)
+        add_visual(body, shape, grown(size), color, place, ends=scaled, euler_deg=euler_deg)
 
     return part
 
