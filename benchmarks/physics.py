@@ -24,7 +24,7 @@ PERIOD_S = TIMESTEP_S * POLICY_DECIMATION
 
 @dataclass(frozen=True)
 class Timing:
-    """What was simulated, and how long it took.
+    """A simulation and its time.
 
     Attributes:
         simulated_s: of the robot's time.

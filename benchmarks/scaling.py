@@ -1,4 +1,4 @@
-"""What an episode costs, stage by stage, and how the shared parts of a run grow with their number.
+"""Cost of an episode, stage by stage, and growth of a run's shared parts with their number.
 
 `python -m benchmarks scaling` collects with every robot on one worker and reads the costs from the
 ledger: CPU seconds as measured inside the workers, bytes and files as recorded in the manifest.

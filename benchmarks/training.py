@@ -1,4 +1,4 @@
-"""How long a training waits for its data: the recipe `starter` on decoded episodes.
+"""Time that a training waits for its data: the recipe `starter` on decoded episodes.
 
 A thread reads and joins the next batch while the device works on this one. Each model takes the
 same batches; the first steps, in which libraries warm up, are left out. On a machine with CUDA,

@@ -43,7 +43,7 @@ class View:
 
 @dataclass(frozen=True)
 class Card:
-    """What a checkpoint's weights are.
+    """Description of a checkpoint's weights.
 
     Attributes:
         words: vocabulary in index order.

@@ -72,7 +72,7 @@ class ModelConfig:
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """How a model is trained.
+    """Settings of a training.
 
     Attributes:
         seeds: number of trainings per row of an ablation.

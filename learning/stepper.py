@@ -39,7 +39,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class Choice:
-    """How actions are chosen from a model's predictions.
+    """Choice of actions from a model's predictions.
 
     Attributes:
         sample: draw from the predicted probabilities instead of taking the likeliest action.

@@ -1,4 +1,4 @@
-"""What a renderer is asked for and what it returns, as records."""
+"""Records of a renderer's input and output."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,1 +1,1 @@
-"""What the data is worth: recipes and results behind docs/results/data.md."""
+"""Worth of the data: recipes and results behind docs/results/data.md."""

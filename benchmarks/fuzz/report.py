@@ -25,7 +25,7 @@ log = logging.getLogger("benchmarks")
 
 @dataclass(frozen=True)
 class Summary:
-    """What fuzzing one target gave.
+    """Result of fuzzing one target.
 
     Attributes:
         target: its name.

@@ -1,1 +1,1 @@
-"""What the instruct stage must show: lies caught, true texts kept, texts that lead there."""
+"""Benchmark of the instruct stage: lies rejected, true texts accepted, texts that lead there."""

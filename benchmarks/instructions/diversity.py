@@ -1,4 +1,4 @@
-"""How varied texts are: the measures of NavInstrCritic, from their published definitions."""
+"""Diversity of texts: the measures of NavInstrCritic, from their published definitions."""
 
 import math
 import re

@@ -1,4 +1,4 @@
-"""How well scans are repaired, with known truth: holes are cut into floors that are known.
+"""Repair of scans against known truth: holes are cut into sound floors.
 
 `python -m benchmarks.scene_repair` runs everything and writes this folder's README.md.
 """

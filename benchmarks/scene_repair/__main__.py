@@ -27,7 +27,7 @@ WALK_SEEDS = tuple(range(12))
 
 @dataclass(frozen=True)
 class Options:
-    """What to run.
+    """Selection of cases.
 
     Attributes:
         seeds: of built-in apartments.

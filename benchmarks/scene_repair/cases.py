@@ -31,7 +31,7 @@ _MEASURE = {"cut", "decoys", "plant", "scenes", "score", "shapes", "site", "vert
 
 @dataclass(frozen=True)
 class Case:
-    """What to plant where.
+    """A scene and the holes to plant in it.
 
     Attributes:
         group: the section of the report it belongs to.

@@ -31,7 +31,7 @@ APARTMENT = replace(ApartmentConfig(), scan=SCAN)
 
 @dataclass(frozen=True)
 class Source:
-    """A scan file and what is known about it."""
+    """A scan file and facts about it."""
 
     path: Path
     site: Site

@@ -34,7 +34,7 @@ BUMP_MARGIN_M = 0.12
 
 @dataclass(frozen=True)
 class HoleScore:
-    """What became of one planted hole.
+    """Outcome of one planted hole.
 
     Attributes:
         hole: which.
@@ -63,7 +63,7 @@ class HoleScore:
 
 @dataclass(frozen=True)
 class Score:
-    """What became of one scene.
+    """Outcome of one scene.
 
     Attributes:
         scene: its name.
@@ -94,7 +94,7 @@ class Score:
 
 @dataclass(frozen=True)
 class Truth:
-    """What was planted, and what lay near the floor before and after it was cut."""
+    """The planted holes, and the surfaces near the floor before and after cutting."""
 
     planted: Planted
     before: Surfaces

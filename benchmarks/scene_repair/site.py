@@ -35,7 +35,7 @@ Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Site:
-    """What is known about a scene, z up [m]; heights are of its one storey.
+    """Facts about a scene, z up [m]; heights are of its one storey.
 
     Attributes:
         name: of the scene.

@@ -1,1 +1,1 @@
-"""Where the time of a collection goes: per stage of whole runs, per part of a frame."""
+"""Time of a collection: per stage of whole runs, per part of a frame."""

@@ -13,7 +13,7 @@ from ..robots import CommandLimits
 
 @dataclass(frozen=True)
 class Coasting:
-    """How far a robot still goes and turns after its command has dropped to zero.
+    """Coasting of a robot: what it still travels and turns after its command has dropped to zero.
 
     Attributes:
         speed_m_s: (K,) ascending, greater than 0.

@@ -1,4 +1,4 @@
-"""When an episode is over, other than by the robot's own decision.
+"""The ends of an episode other than the robot's own decision.
 
 Fall and stuck follow the VLN-PE paper (see the design, §2).
 """

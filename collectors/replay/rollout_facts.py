@@ -1,4 +1,4 @@
-"""What a rollout says beside its samples: the expert's labels, and how it was made."""
+"""Facts of a rollout beside its samples: the expert's labels and the provenance."""
 
 from dataclasses import asdict
 from typing import Any

@@ -140,7 +140,7 @@ class Soles:
 
 @dataclass(frozen=True, kw_only=True)
 class Humanoid:
-    """What a humanoid's model is built from; the free body is called `pelvis`.
+    """Parts of a humanoid's model; the free body is called `pelvis`.
 
     Attributes:
         pelvis_kg, pelvis_center_m, pelvis_box_m: mass [kg], centre of mass [m] and full sides [m]

@@ -1,4 +1,4 @@
-"""What the models have in common: how they see, how they read, and how they attend."""
+"""Parts that the models share: vision, language and attention."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

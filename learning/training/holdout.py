@@ -12,7 +12,7 @@ from ...formats.lerobot.splits import is_published_holdout
 
 @dataclass(frozen=True)
 class Holdout:
-    """What is held out.
+    """Trajectories to hold out.
 
     Attributes:
         by: `split`, `scene`, `trajectory`, or `none`.

@@ -1,4 +1,4 @@
-"""How well a model predicts single steps, given the true steps before (teacher forcing)."""
+"""Accuracy of a model on single steps, given the true steps before (teacher forcing)."""
 
 from collections.abc import Sequence
 

@@ -39,7 +39,7 @@ _SAMPLE = 32  # episodes of the training data, and of the held-out data, that cu
 
 @dataclass(frozen=True)
 class Request:
-    """What to train.
+    """Request for a training.
 
     Attributes:
         mixture: which of its mixtures; the only one when None.
@@ -74,7 +74,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Result:
-    """What a training made.
+    """Result of a training.
 
     Attributes:
         checkpoint: file of weights; its card lies beside it.
@@ -90,7 +90,7 @@ class Result:
 
 @dataclass(frozen=True)
 class Planned:
-    """What a request trains on.
+    """Data of a training.
 
     Attributes:
         mixture: name of the recipe's mixture.

@@ -152,7 +152,7 @@ def _batches(
 
 @dataclass(frozen=True)
 class _Training:
-    """What a training's state is made of."""
+    """State of a training."""
 
     model: Model
     optimizer: torch.optim.Optimizer

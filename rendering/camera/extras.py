@@ -23,7 +23,7 @@ ROBOT_CODE, FIRST_CODE = 1, 2
 
 @dataclass(frozen=True)
 class Extras:
-    """Which optional videos to write.
+    """Optional videos to write.
 
     Attributes:
         semantic: `semantic.mov`, the label of each pixel.

@@ -36,7 +36,7 @@ class CameraPath:
 
 @dataclass(frozen=True)
 class Shot:
-    """What a view kind needs to compute its camera poses."""
+    """Inputs from which a view kind computes its camera poses."""
 
     rollout: Rollout
     samples: NDArray[np.int64]
@@ -100,7 +100,7 @@ class View:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOverrides:
-    """What replaces intrinsics and mounting of a view kind; None = the kind's default.
+    """Intrinsics and mounting in place of those of a view kind; None = the kind's default.
 
     Height and pitch are those of `View`, and move `ego` cameras only.
     """

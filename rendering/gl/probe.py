@@ -1,4 +1,4 @@
-"""What OpenGL can do on this machine, found out in a separate process.
+"""Probe of this machine's OpenGL, in a separate process.
 
 Drivers may crash, and a context that is created before workers fork cannot be used in them.
 """

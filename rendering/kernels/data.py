@@ -120,7 +120,7 @@ class Packets(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """What N rays show.
+    """Surfaces that N rays show.
 
     Attributes:
         color: (N, 3) linear light.

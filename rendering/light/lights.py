@@ -10,7 +10,7 @@ from ...formats.core.errors import check_name
 
 @dataclass(frozen=True)
 class Light:
-    """How surfaces are lit.
+    """Lighting of surfaces.
 
     Under `baked`, a scan's textures already contain the light of the room and are shown unchanged.
     Surfaces of a plain colour would look flat, so they get a mild fixed shading: brighter from

@@ -1,4 +1,4 @@
-"""What is fuzzed: one reader each, with small sound files to begin from."""
+"""The fuzzer's targets: one reader each, with small sound files to begin from."""
 
 from .datasets import DATASETS
 from .policies import POLICIES

@@ -36,7 +36,7 @@ class Decoy:
 
 @dataclass(frozen=True)
 class DecoyKind:
-    """How openings of one kind are built.
+    """Construction of openings of one kind.
 
     Attributes:
         build: from a free box in plan, floor height, ceiling height and a generator.

@@ -117,7 +117,7 @@ def block(rng: np.random.Generator, size_m: float) -> Outline:
 
 @dataclass(frozen=True)
 class Kind:
-    """How holes of one kind are drawn.
+    """Distribution of holes of one kind.
 
     Attributes:
         draw: an outline of a given size [m].

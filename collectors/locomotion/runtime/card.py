@@ -23,7 +23,7 @@ class PolicyMismatchError(FileFormatError):
 
 @dataclass(frozen=True)
 class PolicyCard:
-    """What is needed to run a policy, and how it was trained.
+    """Facts needed to run a policy, and the record of its training.
 
     Attributes:
         robot: registry name.
@@ -61,7 +61,7 @@ class PolicyCard:
 
     @property
     def past(self) -> int:
-        """How many earlier steps the policy sees."""
+        """Number of earlier steps in the observation."""
         return past_steps(self.observation)
 
     def check(self, robot: RobotSpec, path: Path) -> None:

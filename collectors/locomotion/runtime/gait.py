@@ -1,4 +1,4 @@
-"""The gait clock: which foot should be in the air when, and what the joints do meanwhile."""
+"""The gait clock schedules the swings of the feet and the joints' motion with them."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ RATE_HZ = 1.0 / (TIMESTEP_S * POLICY_DECIMATION)  # of the policy
 
 
 class ClockState(NamedTuple):
-    """Where N robots are in their gait.
+    """Clocks of N robots.
 
     Attributes:
         command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] that are followed: the target, but slowed

@@ -1,4 +1,4 @@
-"""What a policy sees, computed by the same code in training and in replay.
+"""A policy's observation, computed by the same code in training and in replay.
 
 Only generalised positions and velocities enter: they are current after every physics step, while
 sensors and body poses lag one step behind.
@@ -36,7 +36,7 @@ class RobotState:
 
 
 class Places(NamedTuple):
-    """Where the state of a robot and its policy's joints lies; see `RobotHandles`."""
+    """Addresses of the state of a robot and its policy's joints; see `RobotHandles`."""
 
     root_qpos: int
     root_dof: int

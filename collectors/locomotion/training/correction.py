@@ -16,7 +16,7 @@ HIDDEN = 128
 
 
 class Correction(torch.nn.Module):
-    """What is added to a gait's actions: a symmetric network that begins as nothing."""
+    """Addition to a gait's actions: a symmetric network whose output is zero at first."""
 
     def __init__(self, robot: RobotSpec) -> None:
         """Build the network for a robot's observations with `PAST` steps."""

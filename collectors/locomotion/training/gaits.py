@@ -1,4 +1,4 @@
-"""Which gait clock belongs to which robot."""
+"""The gait clocks of the robots."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""What differs from one simulation to the next: commands, bodies, friction, delays."""
+"""Randomization of simulations: commands, bodies, friction, delays."""
 
 import numpy as np
 from mujoco.batch import Batch

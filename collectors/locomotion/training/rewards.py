@@ -16,7 +16,7 @@ SMOOTHNESS_TERMS = frozenset(
 
 @dataclass(frozen=True)
 class StepFacts:
-    """What happened in one policy step; N simulations, J joints, F feet.
+    """Outcome of one policy step; N simulations, J joints, F feet.
 
     Velocities are in the base frame; `*_mean` are running means over about half a gait cycle,
     because the gait itself makes the velocity swing.

@@ -1,4 +1,4 @@
-"""When each robot in training gets a new command, and when it is pushed."""
+"""Schedules of new commands and pushes for the robots in training."""
 
 import numpy as np
 from numpy.typing import NDArray

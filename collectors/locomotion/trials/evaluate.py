@@ -1,4 +1,4 @@
-"""How well a gait walks: the table that goes into its card, and the gates it must pass.
+"""Evaluation of a gait: the table that goes into its card, and the gates it must pass.
 
 `python -m vlnpe.collectors.locomotion.trials.evaluate aliengo` measures the installed policy;
 `--policy runs/gait-aliengo` the one in a training's folder, `--publish` installs that one with its

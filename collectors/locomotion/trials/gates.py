@@ -1,4 +1,4 @@
-"""What a gait must reach, and whether an evaluation table says it does."""
+"""The requirements on a gait, checked against its evaluation table."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

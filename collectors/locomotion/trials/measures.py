@@ -1,4 +1,4 @@
-"""How well a gait obeys: velocities, standing, kicks, stops."""
+"""Measures of a gait's obedience: velocities, standing, kicks, stops."""
 
 from itertools import product
 from typing import Any

@@ -29,7 +29,7 @@ FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground w
 
 @dataclass(frozen=True)
 class Conditions:
-    """What a trial is run in; arrays hold one value per robot.
+    """Conditions of a trial; arrays hold one value per robot.
 
     Attributes:
         friction: of the feet, or None for the robot's own.
@@ -285,7 +285,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class _Soles:
-    """Where the soles are: positions (N, F, S, 3), axes (N, F, S, 3, 3), touching (N, F, S)."""
+    """Soles: positions (N, F, S, 3), axes (N, F, S, 3, 3), touching (N, F, S)."""
 
     position_m: Array
     axes: Array
