@@ -25,7 +25,7 @@ class SceneRenderer(Renderer):
         """See `Renderer`."""
         super().__init__(bundle, light)
         self._directions = np.empty((0, 3), dtype=np.float32)
-        self._robot = RobotTracer(())
+        self._robot = RobotTracer()
 
     def _draw(self, request: RenderRequest) -> Drawn:
         width, height = request.camera.width_px, request.camera.height_px
@@ -33,21 +33,11 @@ class SceneRenderer(Renderer):
         if len(self._directions) != count:
             self._directions = np.empty((count, 3), dtype=np.float32)
         directions = pixel_directions(request, self._directions)
-        robot, geoms, spheres = self._robot, [], None
-        if request.robot is not None:
-            if robot.surfaces is not request.robot.surfaces:
-                robot = self._robot = RobotTracer(request.robot.surfaces)
-            geoms = robot.visible(request.robot, request)
-            if geoms:  # the shadow of a robot out of view is not worth its time
-                spheres = robot.shadow.posed(request.robot)
+        geoms, spheres = self._robot.visible(request)
         lighting = self._scene.lighting(request, spheres)
         order = self._scene.pixel_order(request.camera)
         hits = self._scene.trace(directions, order, request, lighting)
-        centers = np.arange(count).reshape(height, width)
-        for geom in geoms:
-            left, top, right, bottom = geom.rectangle_px
-            rays = centers[top:bottom, left:right].ravel()
-            robot.trace(geom, rays, directions, request.position, lighting.light, hits)
+        self._robot.trace_pixels(geoms, directions, request, lighting.light, hits)
         hits.depth[np.isinf(hits.depth)] = 0.0
         rgb = np.empty((count, 3), dtype=np.uint8)
         self._scene.encode(hits.color, rgb)
@@ -55,7 +45,7 @@ class SceneRenderer(Renderer):
         def add_robot(pixels: I32, directions: F32, samples: Hits) -> None:
             for geom in geoms:
                 rays = _samples_inside(geom, pixels, width)
-                robot.trace(geom, rays, directions, request.position, lighting.light, samples)
+                self._robot.trace(geom, rays, directions, request.position, lighting.light, samples)
 
         self._scene.smooth_edges(rgb, hits, request, lighting, overlay=add_robot)
         shape = height, width

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..formats.core.errors import InputError
-from ..formats.scene.bundle import SceneBundle, VisualMesh
+from ..formats.scene.bundle import SceneBundle
 from ..formats.splats.store import has_splats, load_splats
 from ..geometry.splatting.backend import make_drawer
 from ..geometry.splatting.draw import Eye, SplatImage
@@ -23,7 +23,6 @@ from .kernels.data import Hits
 from .kernels.shading import light_pixels
 from .kernels.srgb import decode_table
 from .scene.robot_trace import RobotTracer
-from .scene.textures import MaterialTable
 from .scene_tracer import F32, Lighting, pixel_directions
 
 BAKED = "baked"
@@ -67,11 +66,8 @@ class SplatRenderer(Renderer):
         super().__init__(bundle, light)
         self._splats = make_drawer(load_splats(bundle.root))
         log.info("splats are drawn by %s", self._splats.name)
-        self._robot = RobotTracer(())
+        self._robot = RobotTracer()
         self._decode = decode_table()
-
-    def _prepare(self, mesh: VisualMesh, materials: MaterialTable) -> None:
-        return
 
     def _draw(self, request: RenderRequest) -> Drawn:
         camera = request.camera
@@ -80,7 +76,9 @@ class SplatRenderer(Renderer):
         lighting = self._scene.lighting(request)
         order = self._scene.pixel_order(camera)
         mesh = self._scene.trace(directions, order, request, lighting)
-        body, spheres = self._body(request, directions, lighting)
+        geoms, spheres = self._robot.visible(request)
+        body = Hits.nothing(len(directions))
+        self._robot.trace_pixels(geoms, directions, request, lighting.light, body)
         robot = body.depth < mesh.depth + SCATTER_M
         backdrop = np.empty((len(directions), 3), dtype=np.uint8)
         self._scene.encode(np.where(robot[:, None], body.color, mesh.color), backdrop)
@@ -108,30 +106,6 @@ class SplatRenderer(Renderer):
             robot.reshape(shape),
             np.where(robot, -1, mesh.prim).reshape(shape).astype(np.int32),
         )
-
-    def _body(
-        self, request: RenderRequest, directions: F32, lighting: Lighting
-    ) -> tuple[Hits, F32]:
-        """Return what rays (N, 3) show of the robot alone, and its shadow's spheres (S, 4)."""
-        count = len(directions)
-        hits = Hits(
-            np.zeros((count, 3), dtype=np.float32),
-            np.full(count, np.inf, dtype=np.float32),
-            np.full(count, -1, dtype=np.int32),
-            np.full(count, -1, dtype=np.int32),
-        )
-        none = np.zeros((0, 4), dtype=np.float32)
-        if request.robot is None:
-            return hits, none
-        if self._robot.surfaces is not request.robot.surfaces:
-            self._robot = RobotTracer(request.robot.surfaces)
-        geoms = self._robot.visible(request.robot, request)
-        pixels = np.arange(count).reshape(request.camera.height_px, request.camera.width_px)
-        for geom in geoms:
-            left, top, right, bottom = geom.rectangle_px
-            rays = pixels[top:bottom, left:right].ravel()
-            self._robot.trace(geom, rays, directions, request.position, lighting.light, hits)
-        return hits, self._robot.shadow.posed(request.robot) if geoms else none
 
     def _shaded(
         self,

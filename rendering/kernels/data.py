@@ -133,3 +133,13 @@ class Hits(NamedTuple):
     depth: F32
     surface: NDArray[np.int32]
     prim: NDArray[np.int32]
+
+    @classmethod
+    def nothing(cls, count: int) -> "Hits":
+        """Return hits of `count` rays that show nothing, in black."""
+        return cls(
+            np.zeros((count, 3), dtype=np.float32),
+            np.full(count, np.inf, dtype=np.float32),
+            np.full(count, -1, dtype=np.int32),
+            np.full(count, -1, dtype=np.int32),
+        )

@@ -16,7 +16,7 @@ from ..frame import RenderRequest
 from ..kernels.data import Hits, LightArrays
 from ..kernels.shading import shade_robot
 from ..light.contact_shadow import ContactShadow
-from .robot_body import GeomSurface, RobotGeometryPose, bounding_boxes
+from .robot_body import GeomSurface, bounding_boxes
 
 F32 = NDArray[np.float32]
 
@@ -49,29 +49,54 @@ class VisibleGeom:
 
 
 class RobotTracer:
-    """The ray structures of one robot's geoms."""
+    """The ray structures of the geoms of one robot at a time."""
 
-    def __init__(self, surfaces: tuple[GeomSurface, ...]):
-        """Build one scene per geom."""
-        self.surfaces = surfaces
-        self.shadow = ContactShadow(surfaces)
+    def __init__(self) -> None:
+        """Begin without a robot; the first frame with one builds a ray structure per geom."""
+        self._load(())
+
+    def _load(self, surfaces: tuple[GeomSurface, ...]) -> None:
+        self._surfaces = surfaces
+        self._shadow = ContactShadow(surfaces)
         self._box = bounding_boxes(surfaces)
-        self._scenes = []
-        for surface in surfaces:
-            corners = surface.corners.reshape(-1, 3)
-            faces = np.arange(len(corners)).reshape(-1, 3)
-            self._scenes.append(PacketScene(corners, faces))
+        corners = [surface.corners.reshape(-1, 3) for surface in surfaces]
+        self._scenes = [PacketScene(c, np.arange(len(c)).reshape(-1, 3)) for c in corners]
 
-    def visible(self, pose: RobotGeometryPose, request: RenderRequest) -> list[VisibleGeom]:
-        """Return the geoms that the camera of `request` can see, without those that contain it."""
-        position_world_m, rotation_world = request.position, request.rotation
-        offset = position_world_m - pose.position_world_m
-        inside = np.einsum("gji,gj->gi", pose.rotation_world, offset)
-        into_view = np.einsum("gji,jk->gik", pose.rotation_world, rotation_world)
+    def trace_pixels(
+        self,
+        geoms: list[VisibleGeom],
+        directions: F32,
+        request: RenderRequest,
+        light: LightArrays,
+        hits: Hits,
+    ) -> None:
+        """Add geoms to the hits of the pixels' centres (H · W,); see `trace`."""
+        camera = request.camera
+        pixels = np.arange(len(directions)).reshape(camera.height_px, camera.width_px)
+        for geom in geoms:
+            left, top, right, bottom = geom.rectangle_px
+            rays = pixels[top:bottom, left:right].ravel()
+            self.trace(geom, rays, directions, request.position, light, hits)
+
+    def visible(self, request: RenderRequest) -> tuple[list[VisibleGeom], F32]:
+        """Return the geoms that the camera can see, without those that contain it.
+
+        With them come the spheres (S, 4) of the robot's shadow, none if it is out of view.
+        """
+        no_shadow = np.zeros((0, 4), dtype=np.float32)
+        pose = request.robot
+        if pose is None:
+            return [], no_shadow
+        if self._surfaces is not pose.surfaces:
+            self._load(pose.surfaces)
+        inside = np.einsum(
+            "gji,gj->gi", pose.rotation_world, request.position - pose.position_world_m
+        )
+        into_view = np.einsum("gji,jk->gik", pose.rotation_world, request.rotation)
         view = (self._box - inside[:, None]) @ into_view
-        seen = []
+        seen: list[VisibleGeom] = []
         for index, rectangle in _rectangles(view, request.camera):
-            surface = self.surfaces[index]
+            surface = self._surfaces[index]
             distance = np.linalg.norm(inside[index] - surface.center_m)
             near = distance < surface.radius_m + HOUSING_MARGIN_M
             if near and surface.holds(inside[index], HOUSING_MARGIN_M):
@@ -84,7 +109,7 @@ class RobotTracer:
                     rectangle,
                 )
             )
-        return seen
+        return seen, self._shadow.posed(pose) if seen else no_shadow
 
     def trace(
         self,
@@ -113,7 +138,7 @@ class RobotTracer:
         if not len(nearer):
             return
         rays = rays[nearer]
-        surface = self.surfaces[geom.index]
+        surface = self._surfaces[geom.index]
         touched = PacketHits(*(values[nearer] for values in touched))
         shade_robot(
             rays, directions, eye_m.astype(np.float32), touched, surface.normals,
