@@ -73,7 +73,7 @@ def main(names: list[str]) -> int:
     run = ROOT / "runs" / "bench"
     if not (run / "manifest.json").is_file():
         names = ["chain", *names] if names else []
-    sections = kept_sections(PAGE.read_text() if PAGE.is_file() else "")
+    sections = previous_sections(PAGE.read_text() if PAGE.is_file() else "")
     for name, report in SECTIONS.items():
         if name in names or not names:
             sections[name] = f"{report(run).strip()}\n\n{machine()}\n"
@@ -83,7 +83,7 @@ def main(names: list[str]) -> int:
     return 0
 
 
-def kept_sections(text: str) -> dict[str, str]:
+def previous_sections(text: str) -> dict[str, str]:
     """Return the sections of an earlier page by name."""
     parts = re.split(r"^<!-- (\w+) -->\n", text, flags=re.MULTILINE)[1:]
     return {name: body.strip() + "\n" for name, body in zip(parts[::2], parts[1::2], strict=True)}

@@ -55,13 +55,13 @@ def _cost_line(ledger: Ledger, robot: str) -> str:
         for row in ledger.rows(stage):
             if row.item.startswith(robot):
                 seconds[stage] += row.cpu_seconds
-                stored.update(_kept(ledger, row))
+                stored.update(_stored_files(ledger, row))
     cells = [f"{seconds[stage] / EPISODES:.2f}" for stage in PER_EPISODE]
     cells += [f"{stored['bytes'] / EPISODES / 1e6:.2f}", f"{stored['files'] / EPISODES:.1f}"]
     return f"| {robot} | " + " | ".join(cells) + " |"
 
 
-def _kept(ledger: Ledger, row: Row) -> dict[str, int]:
+def _stored_files(ledger: Ledger, row: Row) -> dict[str, int]:
     paths = [ledger.root / output for output in row.outputs]
     files = [f for p in paths for f in ([p] if p.is_file() else p.rglob("*")) if f.is_file()]
     return {"bytes": sum(f.stat().st_size for f in files), "files": len(files)}

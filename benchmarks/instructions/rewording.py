@@ -108,19 +108,6 @@ _OPENINGS = (
     "Alright, ", "From where you are, ", "From your starting point, ", "Now ",
 )  # fmt: skip
 _OPENED = 0.15
-_STOP = re.compile(
-    r"(?:^|(?<=[.;,] )|(?<= ))(?:and |then )*(?:stop|wait|halt) (?:there )?"
-    r"((?:right |just )?(?:next to|beside|by|at|in front of|near|between|in|inside) [^.,;]*)\.$",
-    re.IGNORECASE,
-)
-# What may be said first instead of a stop at the end.
-_GOALS = (
-    "You want to end up {}. {}", "Your goal is {}: {}", "The walk ends {}. To get there, {}",
-    "You're going to finish {}. {}", "{} is where this ends. {}", "We need to get you {}. {}",
-    "Your stop is {}; {}", "Destination: {}. {}", "{}, that's where you should end up: {}",
-    "Your target is {}, so {}", "At the end you'll be standing {}. First, {}",
-    "The spot you're looking for is {}. {}", "To end {}, {}", "You'll finish {}: {}",
-)  # fmt: skip
 
 
 def reworded(text: str, rng: np.random.Generator, most: int = 4) -> str:
@@ -141,15 +128,3 @@ def reworded(text: str, rng: np.random.Generator, most: int = 4) -> str:
     if rng.random() < _OPENED:
         text = _OPENINGS[int(rng.integers(len(_OPENINGS)))] + text[0].lower() + text[1:]
     return text
-
-
-def goal_first(text: str, rng: np.random.Generator) -> str | None:
-    """Return a text with its stop said first, None where it has none that can be moved."""
-    stop = _STOP.search(text)
-    rest = text[: stop.start()].rstrip(" ,;.") if stop else ""
-    if not stop or len(rest.split()) < 4:
-        return None
-    form = _GOALS[int(rng.integers(len(_GOALS)))]
-    rest = rest if form.endswith(". {}") else rest[0].lower() + rest[1:]
-    phrase = form.format(stop[1], rest) + "."
-    return phrase[0].upper() + phrase[1:]

@@ -16,7 +16,7 @@ from pathlib import Path
 import tyro
 
 from . import report, speed, walk
-from .cases import Case, Result, apartment_case, kept_rows, real_cases, run_case
+from .cases import Case, Result, apartment_case, real_cases, run_case, stored_rows
 from .scenes import HELD_OUT_SEEDS, TUNING_SEEDS
 
 log = logging.getLogger("benchmarks")
@@ -90,10 +90,10 @@ def sections(options: Options) -> list[str]:
         lines += report.group_section(title, [(case, done[case]) for case in members])
     scans, folder = options.run / "scans", options.run
     measured = speed.measure(scans, folder) if options.speed else None
-    runs = kept_rows(folder, "speed", speed.Run, measured)
+    runs = stored_rows(folder, "speed", speed.Run, measured)
     lines += report.speed_section(runs, HERE if options.write else folder)
     walked = walk.walks(WALK_SEEDS, scans, folder, options.walks) if options.walks else None
-    walks = kept_rows(folder, "walk", walk.Walk, walked)
+    walks = stored_rows(folder, "walk", walk.Walk, walked)
     return lines + report.walk_section(walks)
 
 

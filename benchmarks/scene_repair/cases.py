@@ -147,7 +147,7 @@ def load(path: Path) -> Result | None:
     return Result(data["code"], Score(**score), data["seconds"])
 
 
-def kept_rows[Row](run: Path, name: str, kind: type[Row], rows: list[Row] | None) -> list[Row]:
+def stored_rows[Row](run: Path, name: str, kind: type[Row], rows: list[Row] | None) -> list[Row]:
     """Write rows (flat dataclasses) of a table, or read those of an earlier run if None."""
     path = run / "results" / f"{name}.json"
     if rows is not None:

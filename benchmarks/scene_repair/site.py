@@ -20,9 +20,8 @@ FLOOR_BAND_M = 0.05
 FLAT_M = 0.02
 # Rays look for surfaces this far from it at most.
 NEAR_FLOOR_M = 0.15
-# Heights above the floor between which furniture is looked for, and where ceilings begin.
+# Heights above the floor between which furniture is looked for.
 FURNITURE_M = (0.12, 1.7)
-HEADROOM_M = 1.9
 WALL_SLICES_M = np.linspace(0.3, 2.0, 9, dtype=np.float64)
 # Where walls are known by name, those under windows are found at their feet.
 WALL_FOOT_M = np.linspace(0.1, 0.5, 5, dtype=np.float64)
