@@ -175,8 +175,8 @@ from vlnpe.evaluation.env import NavigationEnv
 from vlnpe.formats.vlnce.files import read_episodes
 run, seconds = Path(sys.argv[1]), float(sys.argv[2])
 scene = sorted((run / "scenes").iterdir())[0]
-found = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
-episodes = [e for e in found if e.scene_id == scene.name and e.level == found[0].level]
+recorded = read_episodes(sorted((run / "episodes").glob("*.json.gz"))[0])
+episodes = [e for e in recorded if e.scene_id == scene.name and e.level == recorded[0].level]
 env = NavigationEnv(scene, episodes, robot="aliengo")
 rng = np.random.default_rng(0)
 env.reset(seed=0)

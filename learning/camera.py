@@ -27,9 +27,9 @@ def view_of(selections: Sequence[Selection]) -> View:
         for view in _views(selection.datasets[number])
     }
     if len(views) != 1:
-        shown = "; ".join(sorted(f"{v.width_px}x{v.height_px}:{v.hfov_deg:g}" for v in views))
+        sizes = "; ".join(sorted(f"{v.width_px}x{v.height_px}:{v.hfov_deg:g}" for v in views))
         raise InputError(
-            f"the datasets have several cameras ({shown}); choose one of them with the sources' "
+            f"the datasets have several cameras ({sizes}); choose one of them with the sources' "
             "`data`, because a policy is evaluated with one"
         )
     return views.pop()

@@ -94,10 +94,10 @@ def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> lis
             continue
         scene, source = scenes / file.stem, document["scene"]
         kind = next((kind for kind in ("apartment", "villa") if kind in source), "")
-        there = (scene / "scene.json").is_file()
-        if kind and not there:
+        present = (scene / "scene.json").is_file()
+        if kind and not present:
             result += _entries(scene.name, paths, {0: building(kind, source[kind])})
-        elif there or _made(scene, source, scans):
+        elif present or _build(scene, source, scans):
             bundle = load_bundle(scene)
             levels = {n: LevelFacts.of(bundle, n) for n in {p["level"] for p in paths}}
             result += _entries(scene.name, paths, levels, bundle)
@@ -106,7 +106,7 @@ def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> lis
     return result
 
 
-def _made(scene: Path, source: dict[str, Any], scans: Path | None) -> bool:
+def _build(scene: Path, source: dict[str, Any], scans: Path | None) -> bool:
     if scans is None or not (scans / source["scan"]).is_file():
         return False
     scan = str(scans / source["scan"])

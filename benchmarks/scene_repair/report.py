@@ -34,7 +34,7 @@ balustrades. The area of a hole is the floor that went: what lay beneath a wall 
 A point is filled if there is a surface within 2.5 cm of the true floor; a hole, if 98 % of its
 points are; a decoy, if 2 % are. Real scans' truth is their floor before it was cut.
 """
-WANTED = {TUNING: len(TUNING_SEEDS), HELD_OUT: len(HELD_OUT_SEEDS)}
+EXPECTED_SEEDS = {TUNING: len(TUNING_SEEDS), HELD_OUT: len(HELD_OUT_SEEDS)}
 TEXTS = {
     TUNING: "The virtual scans of {count} homes whose plan is known exactly, by seed {first} … "
     "{last}. Their true floor is the plane z = 0, rugs apart; besides the planted holes they have "
@@ -61,8 +61,8 @@ def group_section(title: str, done: Sequence[Done]) -> list[str]:
         last=max(seeds),
         rounds=sum(case.scene == HOUSE for case, _ in done),
     )
-    if title in WANTED and len(done) < WANTED[title]:
-        text += f" **So far {len(done)} of {WANTED[title]}.**"
+    if title in EXPECTED_SEEDS and len(done) < EXPECTED_SEEDS[title]:
+        text += f" **So far {len(done)} of {EXPECTED_SEEDS[title]}.**"
     older = sum(result.code != repair_code() for _, result in done)
     seconds = np.median([result.seconds for _, result in done])
     lines = [f"## {title}", "", text, ""]

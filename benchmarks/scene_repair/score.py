@@ -195,9 +195,9 @@ def score_hole(scene: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore
     """Return how much of a planted hole or decoy there is floor in."""
     points, truth, each_m2 = _rays(scene, hole)
     heights = heights_near(repaired, points, truth, OPEN_BAND_M if hole.decoy else FILLED_M)
-    there = np.isfinite(heights)
-    errors = np.empty(0) if hole.decoy else (heights - truth)[there]
-    return HoleScore(hole, len(points) * each_m2, float(there.sum()) * each_m2, errors, "")
+    present = np.isfinite(heights)
+    errors = np.empty(0) if hole.decoy else (heights - truth)[present]
+    return HoleScore(hole, len(points) * each_m2, float(present.sum()) * each_m2, errors, "")
 
 
 def _rays(
@@ -208,8 +208,8 @@ def _rays(
     if hole.decoy:
         return points, np.full(len(points), hole.floor_z_m), each_m2
     truth = removed_floor(scene.planted.site, scene.before, scene.after, points)
-    there = np.isfinite(truth)
-    return points[there], truth[there], each_m2
+    present = np.isfinite(truth)
+    return points[present], truth[present], each_m2
 
 
 def _explained(

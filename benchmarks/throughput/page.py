@@ -15,7 +15,7 @@ from benchmarks.throughput.runs import (
     measure_run,
 )
 
-KEPT = ROOT / "runs" / "bench" / "throughput.json"
+RESULTS = ROOT / "runs" / "bench" / "throughput.json"
 
 
 def keep(kind: str, measured: dict[str, Any]) -> None:
@@ -25,12 +25,12 @@ def keep(kind: str, measured: dict[str, Any]) -> None:
     stored[kind] = [
         entry for entry in stored[kind] if any(entry.get(k) != measured.get(k) for k in same)
     ] + [measured]
-    KEPT.parent.mkdir(parents=True, exist_ok=True)
-    KEPT.write_text(json.dumps(stored, indent=1))
+    RESULTS.parent.mkdir(parents=True, exist_ok=True)
+    RESULTS.write_text(json.dumps(stored, indent=1))
 
 
 def results() -> dict[str, list[dict[str, Any]]]:
-    return json.loads(KEPT.read_text()) if KEPT.is_file() else {"runs": [], "parts": []}
+    return json.loads(RESULTS.read_text()) if RESULTS.is_file() else {"runs": [], "parts": []}
 
 
 def section() -> str:

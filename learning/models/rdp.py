@@ -85,11 +85,11 @@ class Rdp(nn.Module):
         words = read.words.repeat_interleave(steps[1], 0)
         padding = read.padding.repeat_interleave(steps[1], 0)
         attended, _ = self.ask_words(vision, words, words, key_padding_mask=padding)
-        shown, _ = self.ask_images(words, vision, vision)
-        there = (~padding)[..., None].to(shown.dtype)
-        shown = (shown * there).sum(1, keepdim=True) / there.sum(1, keepdim=True).clamp(min=1)
+        looked, _ = self.ask_images(words, vision, vision)
+        word = (~padding)[..., None].to(looked.dtype)
+        looked = (looked * word).sum(1, keepdim=True) / word.sum(1, keepdim=True).clamp(min=1)
         present = torch.stack([state, where], -2).flatten(0, 1)
-        condition = torch.cat([attended, shown, present], 1)
+        condition = torch.cat([attended, looked, present], 1)
         progress = self.end(self.end_attention(condition).mean(1))[:, 0].sigmoid()
         return {
             "condition": condition.unflatten(0, steps),
@@ -112,8 +112,8 @@ class Rdp(nn.Module):
         encoded = self.encode(conditioned["condition"][real])
         guess = self._denoise(encoded, self.schedule.add_noise(clean, noise, level), level)
         error = (guess - noise).square().mean(-1)
-        there = valid[real]
-        total = (error * there).sum() / there.sum().clamp(min=1)
+        weight = valid[real]
+        total = (error * weight).sum() / weight.sum().clamp(min=1)
         mask = batch["mask"]
         return total + stop_weight * mse_loss(
             conditioned["progress"][mask], batch["progress"][mask]

@@ -19,7 +19,7 @@ TILE_PX = 240  # height of both views
 FRAMES_PER_SECOND = 8
 MOST_FRAMES = 160  # the end of a longer walk is shown
 MOTIONS = ("velocity", "waypoints")  # events that name continuous actions
-SAID = "said"  # events with a policy's own words
+SPEECH = "said"  # events with a policy's own words
 
 
 def policy_film(
@@ -100,7 +100,7 @@ def _titled(views: Picture, rollout: Rollout, sample: int, ended: bool) -> Pictu
     text = "   ".join(filter(None, (_action_at(rollout, sample), _end(rollout) if ended else "")))
     time = f"{rollout.time_s[sample]:6.1f} s  "
     draw.text((6, views.shape[0] + head + 4), time + text, (240, 205, 110), font)
-    speech = _latest(rollout, sample, (SAID,))
+    speech = _latest(rollout, sample, (SPEECH,))
     if speech:
         draw.text((6, views.shape[0] + head + 21), speech[: width // 7], (160, 190, 240), font)
     return np.asarray(image)
@@ -124,4 +124,4 @@ def _latest(rollout: Rollout, sample: int, kinds: tuple[str, ...]) -> str:
     events = [e for e in rollout.events if e.kind in kinds and e.time_s <= time_s]
     if not events:
         return ""
-    return events[-1].detail if kinds == (SAID,) else f"{events[-1].kind} {events[-1].detail}"
+    return events[-1].detail if kinds == (SPEECH,) else f"{events[-1].kind} {events[-1].detail}"

@@ -296,10 +296,10 @@ def own_errors(started: list[tuple]) -> tuple[np.ndarray, np.ndarray]:
         dx, dy = b.x_m - a.x_m, b.y_m - a.y_m
         ahead = dx * math.cos(a.yaw_rad) + dy * math.sin(a.yaw_rad)
         left = dy * math.cos(a.yaw_rad) - dx * math.sin(a.yaw_rad)
-        wanted = {Action.LEFT: 15.0, Action.RIGHT: -15.0}.get(action, 0.0)
+        nominal = {Action.LEFT: 15.0, Action.RIGHT: -15.0}.get(action, 0.0)
         turned = math.degrees(math.remainder(b.yaw_rad - a.yaw_rad, 2 * math.pi))
         position.append(math.hypot(ahead - 0.25 * (action is Action.FORWARD), left))
-        heading.append(abs(turned - wanted))
+        heading.append(abs(turned - nominal))
     return np.array(position), np.array(heading)
 
 

@@ -88,12 +88,12 @@ def test_recorded_labels_are_what_the_expert_says_online(two_rooms: SceneBundle,
     r = rollouts(world, "path")[0]
     expert, yaw = Expert(task_of(r.episode, world.bundle, name)), quat_to_yaw(r.quat_wxyz)
     x, y = r.position_world_m[:, :2].T
-    asked = [
+    expected = [
         expert.next_action(Pose(float(x[k]), float(y[k]), float(yaw[k])))
         for k in range(0, len(r.time_s), 25)
     ]
-    assert list(r.labels) == asked
-    assert Action.FORWARD in asked
+    assert list(r.labels) == expected
+    assert Action.FORWARD in expected
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -105,10 +105,10 @@ def test_an_agent_that_asks_at_its_own_poses_arrives(two_rooms: SceneBundle, nam
         episode = make_episode(two_rooms, start, goal)
         expert, noise = Expert(task_of(episode, two_rooms, name)), 0.1 * (n % 4)
         x, y = np.add(start, rng.uniform(-0.15, 0.15, 2)).tolist()
-        yaw, asked = float(rng.uniform(-math.pi, math.pi)), 0
+        yaw, count = float(rng.uniform(-math.pi, math.pi)), 0
         while (action := expert.next_action(Pose(x, y, yaw))) is not Action.STOP:
-            asked += 1
-            assert asked < 200
+            count += 1
+            assert count < 200
             size = 1.0 + noise * float(rng.uniform(-1.0, 1.0))
             if action is Action.FORWARD:
                 x += size * FORWARD_STEP_M * math.cos(yaw)

@@ -122,11 +122,11 @@ def test_the_page_says_how_far_from_its_path_a_robot_was(root: Path) -> None:
     off = [float(text) for text in re.findall(r'data-label="Off path m">([\d.]+)<', page)]
     ids = re.findall(r'<tr id="([^"]+)"', page)
     assert ids == ["good@0", "slow@0"]
-    for name, shown in zip(ids, off, strict=True):
+    for name, gap in zip(ids, off, strict=True):
         rollout = read_rollout(root / "rollouts" / "aliengo" / "path" / f"{name[:-2]}.mcap")
         path = resample(rollout.episode.reference_path_world_m[:, :2], 0.01)
         gaps = cdist(rollout.position_world_m[:, :2], path).min(axis=1)
-        assert shown == pytest.approx(gaps.max(), abs=0.02)
+        assert gap == pytest.approx(gaps.max(), abs=0.02)
 
 
 def test_the_page_says_how_long_the_shortest_way_is_beside_the_walk(root: Path) -> None:
@@ -135,7 +135,7 @@ def test_the_page_says_how_long_the_shortest_way_is_beside_the_walk(root: Path) 
     walks = root / "rollouts" / "aliengo" / "path"
     rollouts = [read_rollout(walks / f"{name}.mcap") for name in ("good", "slow")]
     expected = [(r.episode.geodesic_distance_m, r.metrics.trajectory_length_m) for r in rollouts]
-    assert re.findall(cells, page) == [(f"{way:.1f}", f"{tl:.1f}") for way, tl in expected]
+    assert re.findall(cells, page) == [(f"{path:.1f}", f"{tl:.1f}") for path, tl in expected]
     assert "Shortest: the geodesic length" in page
 
 
@@ -188,8 +188,8 @@ def test_clips_beyond_the_budget_are_named_and_every_robot_gets_some(tmp_path: P
             metrics = {"duration_s": 3.0, "navigation_error_euclidean_m": 1.0}
             rows.append(Row("replay", name, "k", "done", True, facts={**facts, "metrics": metrics}))
     figures = failure_figures(rows, [], clips, 6 * 4400)
-    shown = [f["who"] for f in figures if f.get("video")]
-    assert sorted(shown) == ["a, path"] * 4 + ["b, path"] * 2
+    clips = [f["who"] for f in figures if f.get("video")]
+    assert sorted(clips) == ["a, path"] * 4 + ["b, path"] * 2
     assert all(f["file"].startswith("clips/") for f in figures)
     embedded = sum(len(f.get("video", "")) + len(f.get("poster", "")) for f in figures)
     assert embedded <= 6 * 4400 + 6 * 60

@@ -270,8 +270,8 @@ def test_merged_boxes_fill_the_same_space(two_rooms: SceneBundle, seed: int) -> 
 def test_boxes_out_of_reach_are_left_out(two_rooms: SceneBundle) -> None:
     center = np.array([[2.0, 2.0, 0.2], [2.0, 2.0, 2.2], [-0.4, 2.0, 0.2], [30.0, 2.0, 0.2]])
     boxes = Obstacles(center, np.full((4, 3), 0.1))
-    kept = robot_obstacles(boxes, two_rooms.freemap(0), reach_m=0.5, top_m=1.0)
-    assert sorted(kept.center_m[:, 0].round(3)) == [-0.4, 2.0]
+    near = robot_obstacles(boxes, two_rooms.freemap(0), reach_m=0.5, top_m=1.0)
+    assert sorted(near.center_m[:, 0].round(3)) == [-0.4, 2.0]
 
 
 def test_a_smooth_floor_gets_larger_triangles_at_the_same_height(tmp_path: Path) -> None:

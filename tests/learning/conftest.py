@@ -12,6 +12,7 @@ from tests.support.walked_data import write_walks
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.rendering.camera.views import View, make_view
 
 
@@ -45,3 +46,14 @@ def walks(tmp_path_factory: pytest.TempPathFactory, two_rooms: SceneBundle) -> W
     ]
     view = make_view("ego", "vlnce", width_px=48, height_px=48)
     return Walks(root, two_rooms, view, episodes, write_walks(root, two_rooms, episodes, view))
+
+
+@pytest.fixture
+def run(walks: Walks, tmp_path: Path) -> Path:
+    """A run folder with the scene and the episodes of the walks."""
+    folder = tmp_path / "run"
+    (folder / "episodes").mkdir(parents=True)
+    (folder / "scenes").mkdir()
+    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
+    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
+    return folder

@@ -26,18 +26,13 @@ GOALS = ((2.6, 2.0), (1.0, 0.6), (2.4, 0.8), (0.9, 1.6), (2.0, 1.8), (1.8, 0.7))
 
 
 @pytest.fixture
-def run(walks: Walks, tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    (folder / "episodes").mkdir(parents=True)
-    (folder / "scenes").mkdir()
-    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
+def run(run: Path, walks: Walks) -> Path:
     unseen = [
         replace(make_episode(walks.scene, (0.9, 2.3), goal, name=f"u{k}"), split="val_unseen")
         for k, goal in enumerate(GOALS)
     ]
-    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
-    write_episodes(folder / "episodes" / "val_unseen.json.gz", unseen)
-    return folder
+    write_episodes(run / "episodes" / "val_unseen.json.gz", unseen)
+    return run
 
 
 def recipe(**comparison: Any) -> dict[str, Any]:

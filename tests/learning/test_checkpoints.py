@@ -167,16 +167,16 @@ def test_sampled_actions_follow_the_predicted_probabilities(trained: Path) -> No
     checkpoint = load_checkpoint(trained)
     sight = Sight(np.zeros((48, 48, 3), np.uint8), np.zeros((48, 48), np.float32), -1, np.zeros(3))
     steppers = {sample: Stepper(checkpoint, Choice(sample, 3)) for sample in (True, False)}
-    drawn: dict[bool, list[int]] = {True: [], False: []}
+    actions: dict[bool, list[int]] = {True: [], False: []}
     for sample, stepper in steppers.items():
         for number in range(200):
             stepper.begin("Go.", f"e{number}")
-            drawn[sample].append(int(stepper.act(sight)))
+            actions[sample].append(int(stepper.act(sight)))
     steppers[True].begin("Go.", "e0")
     expected = steppers[True].predict(sight)["action"][0, 0].softmax(-1)
-    counts = torch.bincount(torch.tensor(drawn[True]), minlength=4) / 200
+    counts = torch.bincount(torch.tensor(actions[True]), minlength=4) / 200
     assert (counts - expected).abs().max() < 0.12
-    assert set(drawn[False]) == {int(expected.argmax())}
+    assert set(actions[False]) == {int(expected.argmax())}
 
 
 def test_a_compact_model_steps_in_one_thread(
@@ -207,9 +207,9 @@ def test_a_compact_model_steps_in_one_thread(
 def test_a_training_resumes_only_its_own_state_and_keeps_its_curves(
     walks: Walks, tmp_path: Path
 ) -> None:
-    asked = request(walks, tmp_path, 6)
-    often = {**asked.recipe.train, "checkpoint_every": 2}
-    asked = replace(asked, recipe=replace(asked.recipe, train=often))
+    base = request(walks, tmp_path, 6)
+    often = {**base.recipe.train, "checkpoint_every": 2}
+    base = replace(base, recipe=replace(base.recipe, train=often))
 
     class KilledError(Exception):
         pass
@@ -223,12 +223,12 @@ def test_a_training_resumes_only_its_own_state_and_keeps_its_curves(
         return {"SR": 50.0}
 
     with pytest.raises(KilledError):
-        train_recipe(replace(asked, validate=validate), show=False)
-    resumed = train_recipe(replace(asked, validate=validate), show=False)
-    whole = train_recipe(replace(asked, out=tmp_path / "whole"), show=False)
+        train_recipe(replace(base, validate=validate), show=False)
+    resumed = train_recipe(replace(base, validate=validate), show=False)
+    whole = train_recipe(replace(base, out=tmp_path / "whole"), show=False)
     assert [row["step"] for row in resumed.curves] == [2, 4, 6]
-    for one, other in zip(resumed.curves, whole.curves, strict=True):
-        assert {k: v for k, v in one.items() if k != "SR"} == other
+    for row, other in zip(resumed.curves, whole.curves, strict=True):
+        assert {k: v for k, v in row.items() if k != "SR"} == other
     first, second = (load_checkpoint(r.checkpoint).model.state_dict() for r in (resumed, whole))
     for name, value in first.items():
         assert torch.equal(value, second[name]), name
@@ -236,15 +236,15 @@ def test_a_training_resumes_only_its_own_state_and_keeps_its_curves(
         train_recipe(request(walks, tmp_path, 8), show=False)
     (tmp_path / "state.pt").write_bytes(b"no state")
     with pytest.raises(FileFormatError, match=r"state\.pt"):
-        train_recipe(asked, show=False)
+        train_recipe(base, show=False)
 
 
 def test_fine_tuning_keeps_vocabulary_and_architecture(
     walks: Walks, trained: Path, tmp_path: Path
 ) -> None:
-    asked = replace(request(walks, tmp_path, 1), start=trained)
-    found = load_checkpoint(train_recipe(asked, show=False).checkpoint)
+    base = replace(request(walks, tmp_path, 1), start=trained)
+    tuned = load_checkpoint(train_recipe(base, show=False).checkpoint)
     start = load_checkpoint(trained)
-    assert found.card.words == start.card.words and found.card.start == start.sha256
+    assert tuned.card.words == start.card.words and tuned.card.start == start.sha256
     with pytest.raises(InputError, match="architecture"):
         train_recipe(replace(request(walks, tmp_path, 1, hidden=32), start=trained), show=False)

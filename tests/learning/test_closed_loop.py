@@ -92,10 +92,10 @@ def test_the_agent_sees_inputs_like_the_loaders(
     key = "progress" if name == "rdp" else "action"
     for number, rollout in enumerate(walks.rollouts):
         item = sequences[number]
-        taken = [span.action for span in rollout.actions]
-        assert item["action"].tolist() == taken  # flash: the steps are the executed actions
-        watched = Watched(checkpoint, taken)
-        assert len(walk(walks, number, watched).actions) == len(taken)
+        actions = [span.action for span in rollout.actions]
+        assert item["action"].tolist() == actions  # flash: the steps are the executed actions
+        watched = Watched(checkpoint, actions)
+        assert len(walk(walks, number, watched).actions) == len(actions)
         with torch.no_grad():
             batch = collate_sequences([item])
             read = checkpoint.model.reader(batch["tokens"])
@@ -119,17 +119,17 @@ def test_a_fitted_model_goes_where_the_words_say(walks: Walks, name: str, tmp_pa
         assert np.linalg.norm(ends[-1] - rollout.position_world_m[-1, :2]) < 0.8
     assert np.linalg.norm(ends[0] - ends[1]) > 1.0
     if name == "cma":  # the other one's words lead to the other one's place
-        swapped = replace(walks.episodes[0], instruction=walks.episodes[1].instruction)
-        there = replace(walks, episodes=[swapped])
-        assert np.linalg.norm(walk(there, 0, policy).position_world_m[-1, :2] - ends[1]) < 0.8
+        episode = replace(walks.episodes[0], instruction=walks.episodes[1].instruction)
+        swapped = replace(walks, episodes=[episode])
+        assert np.linalg.norm(walk(swapped, 0, policy).position_world_m[-1, :2] - ends[1]) < 0.8
 
 
 def test_a_diffusion_policy_learns_and_repeats_itself_by_its_seed(
     walks: Walks, tmp_path: Any
 ) -> None:
-    asked = request(walks, tmp_path, 60, name="rdp")
-    often = {**asked.recipe.train, "checkpoint_every": 10}
-    result = train_recipe(replace(asked, recipe=replace(asked.recipe, train=often)), show=False)
+    base = request(walks, tmp_path, 60, name="rdp")
+    often = {**base.recipe.train, "checkpoint_every": 10}
+    result = train_recipe(replace(base, recipe=replace(base.recipe, train=often)), show=False)
     assert result.curves[-1]["train loss"] < 0.6 * result.curves[0]["train loss"]
     first, again = (walk(walks, 0, LearnedPolicy.load(result.checkpoint)) for _ in range(2))
     assert [a.action for a in first.actions] == [a.action for a in again.actions]

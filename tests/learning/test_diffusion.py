@@ -23,9 +23,9 @@ def test_noise_is_added_and_removed_as_before(
     schedule = NoiseSchedule(steps)
     added = schedule.add_noise(clean, noise, level)
     torch.testing.assert_close(added[0, 0], torch.tensor(noisy), atol=1e-6, rtol=0)
-    found = schedule.sample(
+    sample = schedule.sample(
         lambda value, levels: 0.7 * value + 0.01 * levels.float()[:, None, None],
         noise,
         torch.Generator().manual_seed(3),
     )
-    torch.testing.assert_close(found[0, 0], torch.tensor(sampled), atol=2e-5, rtol=0)
+    torch.testing.assert_close(sample[0, 0], torch.tensor(sampled), atol=2e-5, rtol=0)

@@ -8,7 +8,6 @@ import pytest
 from tests.learning.conftest import Walks
 from vlnpe.evaluation.policy_registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
-from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
@@ -63,18 +62,13 @@ def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> 
 
 
 def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
-    walks: Walks, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    walks: Walks, run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = tmp_path / "run"
-    (folder / "episodes").mkdir(parents=True)
-    (folder / "scenes").mkdir()
-    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
-    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
-    call = ["evaluate", str(folder), "--policy", "cma", "--robot", "vlnce", "--workers", "1"]
+    call = ["evaluate", str(run), "--policy", "cma", "--robot", "vlnce", "--workers", "1"]
     assert main([*call, "--json"]) == 0
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["setting"]["policy_version"] == resolve_policy("cma").identity()
     assert "128x128" in result["setting"]["view"] and not result["quarantined"]
-    (results,) = folder.glob("evaluations/*/results.json")
-    taken = json.loads(results.read_text())["episodes"]
-    assert len(taken) == len(walks.episodes)
+    (results,) = run.glob("evaluations/*/results.json")
+    outcomes = json.loads(results.read_text())["episodes"]
+    assert len(outcomes) == len(walks.episodes)

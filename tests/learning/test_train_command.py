@@ -23,16 +23,6 @@ from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.similarity import path_gap
 
 
-@pytest.fixture
-def run(walks: Walks, tmp_path: Path) -> Path:
-    folder = tmp_path / "run"
-    (folder / "episodes").mkdir(parents=True)
-    (folder / "scenes").mkdir()
-    (folder / "scenes" / "two_rooms").symlink_to(walks.scene.root)
-    write_episodes(folder / "episodes" / "train.json.gz", walks.episodes)
-    return folder
-
-
 def recipe(tmp_path: Path, **train: object) -> str:
     path = tmp_path / "recipe.yaml"
     settings = {**RECIPE["train"], "steps": 4, "checkpoint_every": 2, "model": SMALL, **train}

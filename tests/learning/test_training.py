@@ -168,10 +168,10 @@ def test_a_result_belongs_to_the_very_episodes_and_words(
     episodes: CachedSequences, runs: Path, tmp_path: Path
 ) -> None:
     shutil.copytree(runs / "run" / "lerobot", tmp_path / "lerobot")
-    made = recipe_of(recipe())
+    parsed = recipe_of(recipe())
 
     def result() -> str:
-        return training_key(plan_training(Request(made, tmp_path, tmp_path, "alone")), 0)
+        return training_key(plan_training(Request(parsed, tmp_path, tmp_path, "alone")), 0)
 
     before = result()
     assert result() == before
@@ -188,23 +188,23 @@ def test_a_result_belongs_to_the_very_episodes_and_words(
 )
 def test_no_trajectory_is_on_both_sides(by: str, scenes: int) -> None:
     trajectories = [f"mp3d/scene{n % scenes}/{n}" for n in range(20)]
-    found = hold_out(recipe_of(recipe(holdout=by)), trajectories * 3)
-    assert 0 < len(found.trajectories) < 20
-    assert found.by == ("trajectory" if by == "trajectory" or scenes == 1 else "scene")
-    if found.by == "scene":
-        inside = {t.rsplit("/", 1)[0] for t in found.trajectories}
-        outside = {t.rsplit("/", 1)[0] for t in set(trajectories) - found.trajectories}
-        assert not inside & outside and inside == set(found.scenes)
-    assert hold_out(recipe_of(recipe(holdout=by)), reversed(trajectories)) == found
+    holdout = hold_out(recipe_of(recipe(holdout=by)), trajectories * 3)
+    assert 0 < len(holdout.trajectories) < 20
+    assert holdout.by == ("trajectory" if by == "trajectory" or scenes == 1 else "scene")
+    if holdout.by == "scene":
+        inside = {t.rsplit("/", 1)[0] for t in holdout.trajectories}
+        outside = {t.rsplit("/", 1)[0] for t in set(trajectories) - holdout.trajectories}
+        assert not inside & outside and inside == set(holdout.scenes)
+    assert hold_out(recipe_of(recipe(holdout=by)), reversed(trajectories)) == holdout
 
 
 def test_published_splits_are_what_is_held_out() -> None:
     trajectories = [f"scene{n % 4}/{n}" for n in range(20)]
     published = {"scene1/5", "scene3/7"}
     for by in ("auto", "split"):
-        found = hold_out(recipe_of(recipe(holdout=by)), trajectories, published)
-        assert (found.by, found.trajectories) == ("split", published)
-        assert found.scenes == ("scene1", "scene3")
+        holdout = hold_out(recipe_of(recipe(holdout=by)), trajectories, published)
+        assert (holdout.by, holdout.trajectories) == ("split", published)
+        assert holdout.scenes == ("scene1", "scene3")
     with pytest.raises(InputError, match="no episode has a published"):
         hold_out(recipe_of(recipe(holdout="split")), trajectories)
     assert hold_out(recipe_of(recipe(holdout="scene")), trajectories, published).by == "scene"

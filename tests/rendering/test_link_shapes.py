@@ -21,22 +21,22 @@ def test_shapes_lie_where_the_renderer_draws_them(name: str) -> None:
     links = robot_links(model, rollout, 20)
     body = RobotBody(model, rollout.joint_names)
     sample = 40
-    drawn = body.pose(
+    posed = body.pose(
         rollout.position_world_m[sample],
         rollout.quat_wxyz[sample],
         rollout.joint_position_rad[sample],
     )
     turn, at = quat_to_matrix(rollout.quat_wxyz[sample]), rollout.position_world_m[sample]
-    found = []
+    centers = []
     for k, shapes in enumerate(links.shapes):
         link = quat_to_matrix(links.quat_wxyz[2, k])
         for shape in shapes:
             corners = shape.size_m if shape.corners_m is None else np.ptp(shape.corners_m, (0, 1))
             assert (corners > 0).all()
             center = links.position_base_m[2, k] + link @ shape.position_link_m
-            found.append(turn @ center + at)
-    found = np.array(found).reshape(-1, 3)
+            centers.append(turn @ center + at)
+    centers = np.array(centers).reshape(-1, 3)
     # A capsule is three shapes; each geom's own centre is one of the shapes'.
-    for center in drawn.position_world_m:
-        assert np.linalg.norm(found - center, axis=1).min() < 1e-9
-    assert len(found) >= len(drawn.position_world_m)
+    for center in posed.position_world_m:
+        assert np.linalg.norm(centers - center, axis=1).min() < 1e-9
+    assert len(centers) >= len(posed.position_world_m)

@@ -49,8 +49,8 @@ def test_light_is_trilinear_in_the_smallest_grids_too(size_m, seed):
         point = rng.uniform(-0.2, 1.2, 3) * size_m
         normal = rng.normal(size=3)
         normal /= np.linalg.norm(normal)
-        found = light_at(grid, tuple(point.astype(np.float32)), tuple(normal.astype(np.float32)))
-        assert found == pytest.approx(expected_light(grid, point, normal), abs=2e-3)
+        light = light_at(grid, tuple(point.astype(np.float32)), tuple(normal.astype(np.float32)))
+        assert light == pytest.approx(expected_light(grid, point, normal), abs=2e-3)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (8, 4), (5, 3)])

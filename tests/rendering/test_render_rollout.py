@@ -81,8 +81,8 @@ def test_a_camera_moves_to_its_height_and_pitch_and_stays_where_it_is_otherwise(
 
 def test_a_moved_camera_is_another_view_and_bad_mountings_are_refused() -> None:
     def views(**mounting: Any) -> list[View]:
-        wishes = CameraOverrides(**mounting)
-        return parse_views("ego:32x32,top", "h1", wishes, light="baked", renderer="embree")
+        overrides = CameraOverrides(**mounting)
+        return parse_views("ego:32x32,top", "h1", overrides, light="baked", renderer="embree")
 
     ego, top = views(height_m=1.2, pitch_down_deg=20)
     assert ego.name == "ego-32x32-90deg-1.2m-pitch20-baked"
@@ -155,13 +155,13 @@ def test_the_ego_camera_follows_the_robot(renderer: Renderer, rollout: Rollout) 
 def crossings(start: np.ndarray, stop: np.ndarray) -> np.ndarray:
     """(N,) whether the segment from start to stop meets any of the scene's boxes."""
     step = stop - start
-    met = np.zeros(len(start), dtype=bool)
+    crossing = np.zeros(len(start), dtype=bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         for low, high in zip(LOWER, UPPER, strict=True):
             a, b = (low - start) / step, (high - start) / step
             near, far = np.minimum(a, b).max(-1), np.maximum(a, b).min(-1)
-            met |= (near <= far) & (near < 1) & (far > 0)
-    return met
+            crossing |= (near <= far) & (near < 1) & (far > 0)
+    return crossing
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -215,13 +215,13 @@ def test_light_leaves_depth_and_poses_as_they_are(
     two_rooms: SceneBundle, renderer: Renderer, rollout: Rollout, tmp_path: Path, light: str
 ) -> None:
     lit = make_renderer(two_rooms, light=light)
-    for which, folder in ((renderer, "a"), (lit, "b"), (lit, "c")):
-        view = make_view("top", "aliengo", width_px=64, height_px=48, light=which.light)
-        render_rollout(two_rooms, which, rollout, view, tmp_path / folder, 4)
+    for source, folder in ((renderer, "a"), (lit, "b"), (lit, "c")):
+        view = make_view("top", "aliengo", width_px=64, height_px=48, light=source.light)
+        render_rollout(two_rooms, source, rollout, view, tmp_path / folder, 4)
     a, b, c = (tmp_path / folder for folder in "abc")
-    with np.load(a / "frames.npz") as one, np.load(b / "frames.npz") as other:
-        for key in set(one.files) - {"rgb_counts"}:
-            np.testing.assert_array_equal(one[key], other[key], err_msg=key)
+    with np.load(a / "frames.npz") as baked, np.load(b / "frames.npz") as other:
+        for key in set(baked.files) - {"rgb_counts"}:
+            np.testing.assert_array_equal(baked[key], other[key], err_msg=key)
     assert (a / "depth.mp4").read_bytes() == (b / "depth.mp4").read_bytes()
     seen = [read_rgb_video(folder / "rgb.mp4") for folder in (a, b, c)]
     assert np.array_equal(seen[1], seen[2])  # twice the same
@@ -243,9 +243,9 @@ def test_a_video_to_watch_plays_at_the_robots_pace(
 
 
 def test_cameras_say_their_size_and_field_of_view() -> None:
-    wishes = CameraOverrides(width_px=96)
+    overrides = CameraOverrides(width_px=96)
     views = parse_views(
-        "ego,chase:64x48,top:80x80:50", "aliengo", wishes, light="CL", renderer="gl"
+        "ego,chase:64x48,top:80x80:50", "aliengo", overrides, light="CL", renderer="gl"
     )
     assert [view.name for view in views] == [
         "ego-96x256-90deg-CL",
@@ -358,8 +358,8 @@ def test_film_strips_show_what_was_recorded(
     assert strip.shape == (64 + 64 + 4 + behind, 3 * 64 + 3 * 4 + SCALE_PX, 3)
     assert out.stat().st_size > 1000
     first = cv2.resize(read_rgb_video(frames.rgb_video)[0], (64, 64))
-    shown = strip[:40, :64].astype(int)  # above the time
-    assert np.abs(shown - first[:40]).mean() < 4
+    image = strip[:40, :64].astype(int)  # above the time
+    assert np.abs(image - first[:40]).mean() < 4
     # The scale beside the depth: near is warm, far is blue.
     scale = strip[68:132, 3 * 68 + 2].astype(int)
     assert scale[0, 2] > scale[0, 0] and scale[-1, 0] > scale[-1, 2]
@@ -375,9 +375,9 @@ def test_clip(renderer: Renderer, rollout: Rollout, tmp_path: Path) -> None:
         width_px=64,
         height_px=48,
     )
-    shown = read_rgb_video(tmp_path / "clip.mp4")
-    assert shown.shape == (11, 48, 64, 3) or shown.shape == (10, 48, 64, 3)
-    assert np.abs(shown[-1].astype(int) - last).mean() < 12  # it ends with the end
+    clip = read_rgb_video(tmp_path / "clip.mp4")
+    assert clip.shape == (11, 48, 64, 3) or clip.shape == (10, 48, 64, 3)
+    assert np.abs(clip[-1].astype(int) - last).mean() < 12  # it ends with the end
 
 
 def test_depth_pictures_distinguish_near_far_and_invalid() -> None:

@@ -211,10 +211,10 @@ def test_rendering_is_deterministic(two_rooms: SceneBundle, renderer: Renderer) 
 
 def test_frames_do_not_share_memory(renderer: Renderer) -> None:
     rgb, depth = renderer.render(SQUARE, [1.0, 2.0, 0.45], facing(0.0))
-    kept = rgb.copy(), depth.copy()
+    before = rgb.copy(), depth.copy()
     renderer.render(SQUARE, [1.0, 2.0, 0.45], facing(3.0))
-    assert np.array_equal(rgb, kept[0])
-    assert np.array_equal(depth, kept[1])
+    assert np.array_equal(rgb, before[0])
+    assert np.array_equal(depth, before[1])
 
 
 def test_unknown_names_list_the_valid_ones(two_rooms: SceneBundle) -> None:

@@ -91,7 +91,7 @@ def _add_sensors(
     path: Path, spec: mujoco.MjSpec, root: mujoco.MjsBody, feet: Iterable[Foot]
 ) -> None:
     """Add what is missing of `gyro`, `accelerometer` and the feet's touch sensors."""
-    there = {sensor.name for sensor in spec.sensors}
+    sensors = {sensor.name for sensor in spec.sensors}
 
     def add(name: str, kind: mujoco.mjtSensor, site: str) -> None:
         spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
@@ -100,10 +100,10 @@ def _add_sensors(
         "gyro": mujoco.mjtSensor.mjSENS_GYRO,
         "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER,
     }
-    if imu.keys() - there:
+    if imu.keys() - sensors:
         root.add_site(name="vlnpe_imu", group=4)
     for name, kind in imu.items():
-        if name not in there:
+        if name not in sensors:
             add(name, kind, "vlnpe_imu")
     geoms = {geom.name: geom for geom in spec.geoms}
     places: dict[str, tuple[NDArray[np.float64], float]] = {}
@@ -116,7 +116,7 @@ def _add_sensors(
                     f"valid: {joined(geoms)}",
                 )
         touch = f"{foot.name}_touch"
-        if touch in there:
+        if touch in sensors:
             continue
         first = geoms[foot.soles[0]]
         if any(geoms[sole].parent != first.parent for sole in foot.soles):

@@ -82,11 +82,11 @@ def _make_free(urdf: Path, root: ElementTree.Element) -> None:
     """Attach the base link to the world by a floating joint, and set the compiler's options."""
     children = {child.get("link") for child in root.iterfind("joint/child")}
     bases = [n for link in root.findall("link") if (n := link.get("name", "")) not in children]
-    held = [j for j in root.findall("joint") if j.find("parent[@link='world']") is not None]
-    if len(bases) != 1 or len(held) != (bases[0] == "world"):
+    anchored = [j for j in root.findall("joint") if j.find("parent[@link='world']") is not None]
+    if len(bases) != 1 or len(anchored) != (bases[0] == "world"):
         raise FileFormatError(urdf, f"has {len(bases)} links that no joint has as child; valid: 1")
-    if held:
-        held[0].set("type", "floating")
+    if anchored:
+        anchored[0].set("type", "floating")
     else:
         ElementTree.SubElement(root, "link", name="world")
         joint = ElementTree.SubElement(root, "joint", name="root", type="floating")

@@ -39,9 +39,9 @@ def test_a_weak_robot_is_asked_for_more_and_then_obeys() -> None:
     better = weak.changed(robot, replace(weak.card, gait=gait))
     commands = np.array([(0.7, 0.0, 0.0), (0.6, 0.0, 0.8), (0.6, 0.0, -0.8), (0.4, 0.2, 0.0)])
     assert mean_error(better, commands) < 0.7 * mean_error(weak, commands)
-    asked = gait.aimed(commands)
-    assert np.all((asked >= most[:, 0]) & (asked <= most[:, 1]))
-    np.testing.assert_allclose(gait.aimed(commands * MIRROR), asked * MIRROR, atol=1e-12)
+    targets = gait.aimed(commands)
+    assert np.all((targets >= most[:, 0]) & (targets <= most[:, 1]))
+    np.testing.assert_allclose(gait.aimed(commands * MIRROR), targets * MIRROR, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["aliengo", "h1", "g1"])
@@ -50,10 +50,10 @@ def test_installed_gaits_stay_within_what_they_were_trained_with(name: str) -> N
     gait = GaitPolicy.load(robot).card.gait
     bounds = command_bounds(robot.command_limits)
     commands = np.random.default_rng(0).uniform(bounds[:, 0], bounds[:, 1], (500, 3))
-    asked = gait.aimed(commands)
+    targets = gait.aimed(commands)
     if gait.aim:
         limits = np.array(gait.aim_limits)
-        assert np.all((asked >= limits[:, 0]) & (asked <= limits[:, 1]))
+        assert np.all((targets >= limits[:, 0]) & (targets <= limits[:, 1]))
     # Nothing is turned round: a command of some size is asked for in the same direction.
     large = np.abs(commands) > 0.6 * bounds[:, 1]
-    assert np.all((np.sign(asked) == np.sign(commands))[large])
+    assert np.all((np.sign(targets) == np.sign(commands))[large])

@@ -74,7 +74,7 @@ def start(policy: GaitPolicy, count: int = 2, conditions: Conditions | None = No
 @pytest.mark.parametrize(
     ("at_least", "measured", "passed"),
     [(False, 1.0, True), (False, 1.01, False), (True, 1.0, True), (True, 0.99, False)]
-    + [(way, bad, False) for way in (False, True) for bad in (None, math.nan)],
+    + [(higher, bad, False) for higher in (False, True) for bad in (None, math.nan)],
 )
 def test_a_gate_holds_at_its_limit_and_never_unmeasured(at_least, measured, passed):
     gate = Gate("length", "m", 1.0, at_least, ("a",), "key")
@@ -84,12 +84,12 @@ def test_a_gate_holds_at_its_limit_and_never_unmeasured(at_least, measured, pass
 
 
 @pytest.mark.parametrize(
-    ("rest_s", "said"), [(0.7932, "✓ 0.793 s"), (2.5, "✗ 2.5 s"), (2.99, "✗ not in 3 s")]
+    ("rest_s", "row"), [(0.7932, "✓ 0.793 s"), (2.5, "✗ 2.5 s"), (2.99, "✗ not in 3 s")]
 )
-def test_a_stop_that_outlasts_its_trial_is_no_time_to_rest(rest_s: float, said: str):
+def test_a_stop_that_outlasts_its_trial_is_no_time_to_rest(rest_s: float, row: str):
     results = gate_results({"stopping": {"rest_s_p99": rest_s}})
     (result,) = [r for r in results if r.gate.key == "rest_s_p99"]
-    mark, measured = said.split(" ", 1)
+    mark, measured = row.split(" ", 1)
     assert str(result).split("  ")[0] == f"{mark} time to rest, 99 % of stops"
     assert f" {measured}  ≤ 1.5 s" in str(result)
     assert result.gate.trial_s == WATCH_S

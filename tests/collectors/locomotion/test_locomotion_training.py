@@ -94,23 +94,23 @@ def act(content: bytes, observation: np.ndarray) -> np.ndarray:
 def test_exported_network_is_the_trained_one(robot):
     actor, observation = trained_actor(robot)
     expected = actor(observation).detach().numpy()
-    given = act(encode_actor(actor), observation["policy"].numpy())
-    np.testing.assert_allclose(given, expected, atol=2e-5)
+    actions = act(encode_actor(actor), observation["policy"].numpy())
+    np.testing.assert_allclose(actions, expected, atol=2e-5)
 
 
 def test_exported_with_its_mirror_image_it_is_symmetric(robot):
     actor, observation = trained_actor(robot)
     seen, seen_signs = mirror_observation(robot)
     done, done_signs = mirror_joints(robot)
-    one = observation["policy"].numpy()
-    other = one[:, seen] * np.asarray(seen_signs, dtype=np.float32)
+    observed = observation["policy"].numpy()
+    other = observed[:, seen] * np.asarray(seen_signs, dtype=np.float32)
     content = encode_actor(actor, Symmetry.of(robot))
-    here, there = act(content, one), act(content, other)
-    np.testing.assert_allclose(there[:, done] * done_signs, here, atol=2e-5)
+    actions, opposite = act(content, observed), act(content, other)
+    np.testing.assert_allclose(opposite[:, done] * done_signs, actions, atol=2e-5)
     # It is the mean of the plain network here and its mirror image.
     plain = encode_actor(actor)
-    mean = 0.5 * (act(plain, one) + act(plain, other)[:, done] * done_signs)
-    np.testing.assert_allclose(here, mean, atol=2e-5)
+    mean = 0.5 * (act(plain, observed) + act(plain, other)[:, done] * done_signs)
+    np.testing.assert_allclose(actions, mean, atol=2e-5)
 
 
 def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
@@ -139,8 +139,8 @@ def test_the_stepping_reference_is_symmetric(robot):
     moving = np.array([True])
     for phase in (0.0, 0.13, 0.4, 0.77):
         here = gait.reference(np.array([phase]), moving, command)
-        there = gait.reference(np.array([phase + 0.5]), moving, command * (1, -1, -1))
-        np.testing.assert_allclose(there[:, :count], here[:, order] * signs, atol=1e-12)
+        opposite = gait.reference(np.array([phase + 0.5]), moving, command * (1, -1, -1))
+        np.testing.assert_allclose(opposite[:, :count], here[:, order] * signs, atol=1e-12)
 
 
 def test_mirrored_batches_are_appended(robot):
