@@ -7,18 +7,19 @@ must be made the same. What is left between the two is the loss of the RGB codec
 import cv2
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
+
+from ..formats.core.arrays import F32, U8, U16
 
 DEPTH_STEP_M = 0.001  # decoded depth is kept in whole millimetres
 
 
-def to_millimetres(depth_m: NDArray[np.float32]) -> NDArray[np.uint16]:
+def to_millimetres(depth_m: F32) -> U16:
     """Return depth [m] in whole millimetres, at most 65535."""
     return np.rint(depth_m / DEPTH_STEP_M).clip(0, 65535).astype(np.uint16)
 
 
-def rgb_input(rgb: NDArray[np.uint8], size_px: int) -> Tensor:
+def rgb_input(rgb: U8, size_px: int) -> Tensor:
     """Return an image (H, W, 3) as (3, size, size) uint8, averaged over areas."""
     if rgb.shape[:2] != (size_px, size_px):
         rgb = np.asarray(
@@ -27,7 +28,7 @@ def rgb_input(rgb: NDArray[np.uint8], size_px: int) -> Tensor:
     return torch.from_numpy(np.ascontiguousarray(rgb)).permute(2, 0, 1)
 
 
-def depth_input(depth_m: NDArray[np.float32], size_px: int, far_m: float) -> Tensor:
+def depth_input(depth_m: F32, size_px: int, far_m: float) -> Tensor:
     """Return depth (H, W) [m] as (1, size, size); 0 where it was not measured, or beyond `far_m`.
 
     Pixels are picked, because the mean of a valid and an invalid depth is meaningless.

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
+from ..formats.core.arrays import F32, U8, Array
 from ..formats.core.errors import InputError
 from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..formats.rendered.discrete_steps import discrete_steps
@@ -31,10 +31,10 @@ class Sight:
         pose: (3,) x, y [m], yaw [rad] relative to the first step's pose.
     """
 
-    rgb: NDArray[np.uint8]
-    depth_m: NDArray[np.float32]
+    rgb: U8
+    depth_m: F32
     previous_action: int
-    pose: NDArray[np.float64]
+    pose: Array
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Stepper:
         tokens = torch.from_numpy(self._checkpoint.card.tokens.encode(instruction))[None]
         self._read = self._checkpoint.model.reader(tokens)
         self._memory: Memory | None = None
-        self._poses: list[NDArray[np.float64]] = []
+        self._poses: list[Array] = []
         self._plan: list[Action] = []
         digest = hashlib.blake2b(f"{self._choice.seed}/{name}".encode(), digest_size=7).digest()
         self._rng = torch.Generator().manual_seed(int.from_bytes(digest))
@@ -147,14 +147,14 @@ class Stepper:
         return seen_from(_floats(np.stack(before)), _floats(self._poses[-1]))
 
 
-def discrete_plan(motions: NDArray[np.float32]) -> list[Action]:
+def discrete_plan(motions: F32) -> list[Action]:
     """Return at most `EXECUTED` discrete actions that follow predicted motions (8, 3).
 
     A predicted step is one of the discrete actions with an error; the search of
     `formats.rendered.discrete_steps` finds the sequence that stays closest to all of them.
     """
-    pose: NDArray[np.float64] = np.zeros(3)
-    poses: list[NDArray[np.float64]] = [pose]
+    pose: Array = np.zeros(3)
+    poses: list[Array] = [pose]
     for x, y, turn in motions.astype(np.float64):
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         pose = pose + np.array([cos * x - sin * y, sin * x + cos * y, turn])
@@ -164,11 +164,11 @@ def discrete_plan(motions: NDArray[np.float32]) -> list[Action]:
     return actions[:EXECUTED] or [_nearest(poses[-1])]
 
 
-def _nearest(pose: NDArray[np.float64]) -> Action:
+def _nearest(pose: Array) -> Action:
     if abs(pose[2]) / TURN_STEP_RAD > np.hypot(pose[0], pose[1]) / FORWARD_STEP_M:
         return Action.LEFT if pose[2] > 0 else Action.RIGHT
     return Action.FORWARD
 
 
-def _floats(values: NDArray[np.float64]) -> Tensor:
+def _floats(values: Array) -> Tensor:
     return torch.from_numpy(np.asarray(values, np.float32))

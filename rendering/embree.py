@@ -1,15 +1,15 @@
 """The default renderer: Embree traces, numba shades; no GPU, no display."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formats.core.arrays import F32, I32, I64
 from ..formats.scene.bundle import SceneBundle
 from .camera.rays import SUBPIXELS
 from .frame import NOTHING, Drawn, RenderRequest
 from .interface import Renderer
 from .kernels.data import Hits
 from .scene.robot_trace import RobotTracer, VisibleGeom
-from .scene_tracer import F32, I32, pixel_directions
+from .scene_tracer import pixel_directions
 
 
 class SceneRenderer(Renderer):
@@ -57,7 +57,7 @@ class SceneRenderer(Renderer):
         )
 
 
-def _samples_inside(geom: VisibleGeom, pixels: I32, width: int) -> NDArray[np.int64]:
+def _samples_inside(geom: VisibleGeom, pixels: I32, width: int) -> I64:
     """Return the samples of those `pixels` (K,) that a geom can cover, as indices."""
     left, top, right, bottom = geom.rectangle_px
     rows, columns = np.divmod(pixels, width)

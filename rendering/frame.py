@@ -5,8 +5,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formats.core.arrays import F32, I32, U8, Array, Mask
 from ..formats.core.camera import CameraModel
 from ..formats.core.frames import quat_to_matrix
 from .scene.robot_body import RobotGeometryPose
@@ -30,12 +31,12 @@ class RenderRequest:
     lamp_pose: Pose | None
 
     @cached_property
-    def position(self) -> NDArray[np.float64]:
+    def position(self) -> Array:
         """(3,) optical centre in the world [m]."""
         return np.asarray(self.position_world_m, dtype=np.float64)
 
     @cached_property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> Array:
         """(3, 3) optical axes (columns x right, y down, z forward) in the world."""
         return quat_to_matrix(self.quat_wxyz)
 
@@ -50,10 +51,10 @@ class Drawn(NamedTuple):
         prim: (H, W) int32 triangle at the pixel's centre, −1 = none; None if not known.
     """
 
-    rgb: NDArray[np.uint8]
-    depth_m: NDArray[np.float32]
-    robot: NDArray[np.bool_]
-    prim: NDArray[np.int32] | None
+    rgb: U8
+    depth_m: F32
+    robot: Mask
+    prim: I32 | None
 
 
 class Frame(NamedTuple):
@@ -66,7 +67,7 @@ class Frame(NamedTuple):
         thing: (H, W) int32 index into the bundle's objects; `NOTHING` or `ROBOT`.
     """
 
-    rgb: NDArray[np.uint8]
-    depth_m: NDArray[np.float32]
-    label: NDArray[np.int32]
-    thing: NDArray[np.int32]
+    rgb: U8
+    depth_m: F32
+    label: I32
+    thing: I32

@@ -4,8 +4,9 @@ from abc import ABC, abstractmethod
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formats.core.arrays import F32, U8
 from ..formats.core.camera import CameraModel
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from .frame import NOTHING, ROBOT, Drawn, Frame, Pose, RenderRequest
@@ -39,7 +40,7 @@ class Renderer(ABC):
         robot: RobotGeometryPose | None = None,
         cut_above_m: float = np.inf,
         lamp_pose: Pose | None = None,
-    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    ) -> tuple[U8, F32]:
         """Render one frame.
 
         Args:

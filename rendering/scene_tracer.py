@@ -5,8 +5,9 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formats.core.arrays import F32, I32, U8, Mask
 from ..formats.core.camera import CameraModel
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..geometry.rays.packets import TILES, PacketScene, tile_order
@@ -21,9 +22,6 @@ from .light.lights import get_light
 from .light.scene_light import light_arrays, with_lamp
 from .scene.arrays import scene_arrays
 from .scene.textures import MaterialTable
-
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 
 MIN_CONTRAST = 18  # sRGB bytes; a smaller step is not seen as aliasing
 EDGE_BEND = 0.4  # creases sharper than about 25° count as edges
@@ -114,18 +112,18 @@ class SceneTracer:
         )  # fmt: skip
         return hits
 
-    def encode(self, color: F32, rgb: NDArray[np.uint8]) -> None:
+    def encode(self, color: F32, rgb: U8) -> None:
         """Write linear light (N, 3) as sRGB bytes to `rgb` (N, 3)."""
         encode_srgb(color, self._encode, rgb)
 
     def smooth_edges(
         self,
-        rgb: NDArray[np.uint8],
+        rgb: U8,
         hits: Hits,
         request: RenderRequest,
         lighting: Lighting,
         *,
-        skip: NDArray[np.bool_] | None = None,
+        skip: Mask | None = None,
         overlay: Callable[[I32, F32, Hits], None] | None = None,
     ) -> None:
         """Anti-alias visible edges of an image in place, by three more rays per pixel.

@@ -10,8 +10,8 @@ import logging
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formats.core.arrays import F32, U8
 from ..formats.core.errors import InputError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.splats.store import has_splats, load_splats
@@ -23,7 +23,7 @@ from .kernels.data import Hits
 from .kernels.shading import light_pixels
 from .kernels.srgb import decode_table
 from .scene.robot_trace import RobotTracer
-from .scene_tracer import F32, Lighting, pixel_directions
+from .scene_tracer import Lighting, pixel_directions
 
 BAKED = "baked"
 # Splats scatter around the surface they stand for: a foot on the floor is not hidden by what is
@@ -109,13 +109,13 @@ class SplatRenderer(Renderer):
 
     def _shaded(
         self,
-        rgb: NDArray[np.uint8],
+        rgb: U8,
         depth: F32,
         request: RenderRequest,
         directions: F32,
         lighting: Lighting,
         spheres: F32,
-    ) -> NDArray[np.uint8]:
+    ) -> U8:
         """Return an image darkened around the robot, on the surface that `depth` (N,) gives."""
         surface = np.isfinite(depth)
         color = np.empty((len(depth), 3), dtype=np.float32)

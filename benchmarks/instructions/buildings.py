@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vlnpe.apartments import building_config
 from vlnpe.apartments.home.building import build_scene
 from vlnpe.apartments.truth import true_floor
+from vlnpe.formats.core.arrays import Mask
 from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.instruction_gen.facts import LevelFacts
@@ -49,7 +49,7 @@ def building(building_kind: str, seed: int) -> LevelFacts:
     return LevelFacts.of(bundle, 0, split_rooms(floor, objects, grid))
 
 
-def _stand(floor: NDArray[np.bool_], grid: GridSpec, thing: LabeledObject) -> None:
+def _stand(floor: Mask, grid: GridSpec, thing: LabeledObject) -> None:
     """Take what a tall thing covers from the open floor (rows, columns)."""
     tall = thing.lower_m[2] < _LOW_M and thing.upper_m[2] > _HIGH_M
     if not tall or thing.category in _OPENINGS or thing.category.startswith(ROOM_PREFIX):

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from vlnpe.apartments.config import ApartmentConfig, ScanConfig
 from vlnpe.apartments.generate import generate_scan
+from vlnpe.formats.core.arrays import Array
 from vlnpe.formats.core.frames import habitat_to_world_position
 from vlnpe.formats.scene.grid import GridSpec
 
@@ -123,6 +123,6 @@ def write_planted(planted: Planted, source: Source, out: Path) -> Path:
     return path
 
 
-def _box_in_plan(entry: dict) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _box_in_plan(entry: dict) -> tuple[Array, Array]:
     ends = habitat_to_world_position(np.array([entry["lower"], entry["upper"]]))[:, :2]
     return ends.min(axis=0), ends.max(axis=0)

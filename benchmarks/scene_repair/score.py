@@ -5,10 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import KDTree
 
+from vlnpe.formats.core.arrays import Array, Mask
 from vlnpe.formats.core.frames import habitat_to_world_position, world_to_habitat_position
 from vlnpe.formats.scene.bundle import SceneBundle
 
@@ -47,7 +47,7 @@ class HoleScore:
     hole: PlantedHole
     area_m2: float
     filled_m2: float
-    errors_m: NDArray[np.float64]
+    errors_m: Array
     reason: str
 
     @property
@@ -86,7 +86,7 @@ class Score:
     in_walls_m2: float
     before: float
     after: float
-    natural_errors_m: NDArray[np.float64]
+    natural_errors_m: Array
     moved: int
     moved_most_m: float
     vertices: int
@@ -152,7 +152,7 @@ def score(planted: Planted, bundle: SceneBundle) -> Score:
     )
 
 
-def _decoy_cells(planted: Planted) -> NDArray[np.bool_]:
+def _decoy_cells(planted: Planted) -> Mask:
     """Return (cells,) in decoys and under the walls around them."""
     site = planted.site
     mask = np.zeros(site.grid.shape, dtype=bool)
@@ -164,20 +164,20 @@ def _decoy_cells(planted: Planted) -> NDArray[np.bool_]:
     return ndimage.binary_dilation(mask, np.ones((3, 3)), iterations=around).ravel()
 
 
-def in_plan(points_world_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.float64]:
+def in_plan(points_world_m: Array, bundle: SceneBundle) -> Array:
     """Convert world points of a bundle to the source's frame, z up."""
     inverse = np.linalg.inv(bundle.source_to_world)
     source = points_world_m @ inverse[:3, :3].T + inverse[:3, 3]
     return habitat_to_world_position(source)
 
 
-def in_world(points_m: NDArray[np.float64], bundle: SceneBundle) -> NDArray[np.float64]:
+def in_world(points_m: Array, bundle: SceneBundle) -> Array:
     """Return the way back."""
     source = world_to_habitat_position(points_m)
     return source @ bundle.source_to_world[:3, :3].T + bundle.source_to_world[:3, 3]
 
 
-def sample_inside(outline: Outline, count: int = 1500) -> tuple[NDArray[np.float64], float]:
+def sample_inside(outline: Outline, count: int = 1500) -> tuple[Array, float]:
     """Return the points (N, 2) on a regular raster inside an outline, and the area [m²] of each."""
     lower, upper = outline.bounds_m()
     step = float(np.sqrt(np.prod(upper - lower) / count))
@@ -200,9 +200,7 @@ def score_hole(scene: Truth, hole: PlantedHole, repaired: Surfaces) -> HoleScore
     return HoleScore(hole, len(points) * each_m2, float(present.sum()) * each_m2, errors, "")
 
 
-def _rays(
-    scene: Truth, hole: PlantedHole
-) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+def _rays(scene: Truth, hole: PlantedHole) -> tuple[Array, Array, float]:
     """Return points (N, 2) in a hole that had floor, its heights (N,), and the area of each."""
     points, each_m2 = sample_inside(hole.outline)
     if hole.decoy:
@@ -229,9 +227,7 @@ def _explained(
     return replace(result, reason=_reason(wrong, record, bundle, hole))
 
 
-def _reason(
-    points: NDArray[np.float64], record: dict[str, Any], bundle: SceneBundle, hole: PlantedHole
-) -> str:
+def _reason(points: Array, record: dict[str, Any], bundle: SceneBundle, hole: PlantedHole) -> str:
     """Return what `repair.json` says where points (N, 2) lie."""
     high = np.column_stack([points, np.full(len(points), hole.floor_z_m)])
     where = in_world(high, bundle)[:, :2]
@@ -249,11 +245,11 @@ def _reason(
 
 
 def _moved(
-    before: NDArray[np.float64],
-    after: NDArray[np.float64],
+    before: Array,
+    after: Array,
     record: dict[str, Any],
     bundle: SceneBundle,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return how far vertices of the scan moved [m], of those that did outside flattened bumps."""
     gap, _ = KDTree(after).query(before, distance_upper_bound=0.2)
     far = np.flatnonzero(gap > SAME_M)

@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from vlnpe.formats.core.arrays import I64, Array, Mask
 from vlnpe.formats.core.geometry import triangle_cross
 from vlnpe.formats.scene.grid import GridSpec
 
@@ -28,8 +28,7 @@ WALL_FOOT_M = np.linspace(0.1, 0.5, 5, dtype=np.float64)
 # A wall's two faces stand at most this far apart.
 WALL_THICKNESS_M = 0.28
 
-Mask = NDArray[np.bool_]
-Box = tuple[NDArray[np.float64], NDArray[np.float64]]
+Box = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ def floor_height(parts: list[Part], about_m: float) -> float:
     return float(np.average(z[close], weights=np.abs(cross[close, 2])))
 
 
-def soup_of(parts: list[Part]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def soup_of(parts: list[Part]) -> tuple[Array, I64]:
     """Return all triangles of parts as one (V, 3) and (F, 3)."""
     offset = np.cumsum([0] + [len(p.points_m) for p in parts[:-1]])
     faces = [p.faces + at for p, at in zip(parts, offset, strict=True)]
@@ -159,7 +158,7 @@ def filled(mask: Mask) -> Mask:
     return np.asarray(ndimage.binary_fill_holes(mask), dtype=bool)
 
 
-def cell_centers(grid: GridSpec) -> NDArray[np.float64]:
+def cell_centers(grid: GridSpec) -> Array:
     """Return (rows · columns, 2) centres of all cells."""
     return grid.center_of(
         np.stack(np.meshgrid(*map(np.arange, grid.shape), indexing="ij"), axis=-1)
@@ -167,10 +166,10 @@ def cell_centers(grid: GridSpec) -> NDArray[np.float64]:
 
 
 def _walls(
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int64],
+    vertices: Array,
+    faces: I64,
     grid: GridSpec,
-    slices_m: NDArray[np.float64],
+    slices_m: Array,
 ) -> Mask:
     """Return cells that surfaces pass at most heights, and those between a wall's faces."""
     count = np.zeros(grid.shape, dtype=np.int32)
@@ -190,7 +189,7 @@ def _walls(
     return ndimage.binary_erosion(solid, np.ones((3, 3)))[steps:-steps, steps:-steps]
 
 
-def _samples(corners: NDArray[np.float64], height_m: float, step_m: float) -> NDArray[np.float64]:
+def _samples(corners: Array, height_m: float, step_m: float) -> Array:
     """Return the points (N, 2) along the lines in which triangles (F, 3, 3) meet a height."""
     z = corners[..., 2] - height_m
     ends = []

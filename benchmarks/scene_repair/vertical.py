@@ -6,6 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from vlnpe.formats.core.arrays import Array, Floats
+
 BUCKET_M = 0.1
 
 
@@ -17,11 +19,11 @@ class Surfaces:
         corners_m: (F, 3, 3).
     """
 
-    corners_m: NDArray[np.float64]
+    corners_m: Array
 
     @staticmethod
     def between(
-        vertices_m: NDArray[np.floating],
+        vertices_m: Floats,
         faces: NDArray[np.integer],
         low_m: float = -np.inf,
         high_m: float = np.inf,
@@ -34,10 +36,10 @@ class Surfaces:
 
 def heights_near(
     surfaces: Surfaces,
-    points_xy_m: NDArray[np.float64],
-    z_m: NDArray[np.float64] | float,
+    points_xy_m: Array,
+    z_m: Array | float,
     within_m: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Return the height of the surface nearest to `z_m` on the vertical line through each point.
 
     Args:

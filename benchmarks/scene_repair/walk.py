@@ -21,6 +21,7 @@ from scipy import ndimage
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
 from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import RobotSpec, get_robot
+from vlnpe.formats.core.arrays import Array, Floats, Mask
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
@@ -31,7 +32,7 @@ from .cases import CONFIG
 from .planting.plant import Planted, PlantedHole, plant
 from .scenes import Source, apartment, write_planted
 from .score import in_world
-from .site import Mask, Site, cell_centers, soup_of
+from .site import Site, cell_centers, soup_of
 from .vertical import Surfaces, heights_near
 
 ROBOT = "aliengo"
@@ -129,7 +130,7 @@ def _walked(source: Source, planted: Planted, robot: RobotSpec, out: Path) -> li
 def _world(
     bundle: SceneBundle,
     level: int,
-    vertices: NDArray[np.floating],
+    vertices: Floats,
     faces: NDArray[np.integer],
     robot: RobotSpec,
     root: Path,
@@ -157,9 +158,7 @@ def _world(
     return open_world(replace(bundle, root=root), level, robot)
 
 
-def _line(
-    site: Site, bundle: SceneBundle, level: int, hole: PlantedHole
-) -> NDArray[np.float64] | None:
+def _line(site: Site, bundle: SceneBundle, level: int, hole: PlantedHole) -> Array | None:
     """Return world ends (2, 2) of a free straight line on which feet step over the hole."""
     freemap = bundle.freemap(level)
     clear = np.asarray(ndimage.distance_transform_edt(freemap.traversable)) * freemap.grid.cell_m
@@ -186,9 +185,7 @@ def _line(
     return best
 
 
-def _episode(
-    bundle: SceneBundle, level: int, hole: PlantedHole, line: NDArray[np.float64]
-) -> Episode:
+def _episode(bundle: SceneBundle, level: int, hole: PlantedHole, line: Array) -> Episode:
     path = np.column_stack([line, np.full(2, bundle.level_floor_z_m[level])])
     dx, dy = line[1] - line[0]
     return Episode(

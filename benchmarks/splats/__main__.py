@@ -11,8 +11,8 @@ import sys
 import time
 
 import numpy as np
-from numpy.typing import NDArray
 
+from vlnpe.formats.core.arrays import Array
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import look_at, matrix_to_quat
 from vlnpe.formats.splats.record import GaussianCloud
@@ -28,7 +28,6 @@ HEAD = (
     "| Gaussians | prepare s | memory MiB | whole: median ms | slowest ms | drawn: median ms "
     "| slowest ms | PSNR median dB | least dB |\n|---|---|---|---|---|---|---|---|---|\n"
 )
-Array = NDArray[np.float64]
 
 
 def rooms(across: int, down: int) -> list[tuple[Array, Array, Array]]:

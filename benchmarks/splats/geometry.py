@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 from skimage.measure import label
 
@@ -23,6 +22,7 @@ from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.lookup import exact_surface
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.apartments.truth import covered_cells, true_floor
+from vlnpe.formats.core.arrays import Array, Mask
 from vlnpe.formats.core.geometry import triangle_normals, triangle_normals_and_areas
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
@@ -56,13 +56,13 @@ HEAD = (
 )
 
 
-def obstacle_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def obstacle_cells(grid: GridSpec, triangles_m: Array) -> Mask:
     """Return the cells that triangles between `LOW_M` and `HIGH_M` cover, seen from above."""
     z = triangles_m[..., 2]
     return covered_cells(grid, triangles_m[(z.max(1) > LOW_M) & (z.min(1) < HIGH_M)])
 
 
-def reachable(free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def reachable(free: Mask) -> Mask:
     """Return the free cells in one piece with most others, less those beside an obstacle.
 
     The floor inside a closed wardrobe or refrigerator is none that anybody sees or walks on. A cell
@@ -109,7 +109,7 @@ def score(scene: TrueScene, bundle: SceneBundle, seed_rng: np.random.Generator) 
     )
 
 
-def _closed(traversable: NDArray[np.bool_], grid: GridSpec, plan: object, door: object) -> bool:
+def _closed(traversable: Mask, grid: GridSpec, plan: object, door: object) -> bool:
     """Return whether no free cells lead through a doorway."""
     place = wall_frame(plan.rooms[door.room], door.axis, door.sign)  # type: ignore[attr-defined]
     width, wall = door.end_m - door.start_m, plan.wall_m  # type: ignore[attr-defined]
@@ -122,9 +122,7 @@ def _closed(traversable: NDArray[np.bool_], grid: GridSpec, plan: object, door: 
     return not (set(part[:, 0]) & set(part[:, -1]) - {0})
 
 
-def _missed(
-    scene: TrueScene, traversable: NDArray[np.bool_], grid: GridSpec
-) -> tuple[tuple[str, ...], int]:
+def _missed(scene: TrueScene, traversable: Mask, grid: GridSpec) -> tuple[tuple[str, ...], int]:
     """Return the things of which most of the floor plan is free, and how many things there are."""
     missed, count = [], 0
     for k, thing in enumerate(scene.objects):

@@ -3,8 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 from ..robots import CommandLimits
@@ -43,7 +43,7 @@ class RouteCursor:
     A route may pass the same place twice; the local search keeps to the current pass.
     """
 
-    def __init__(self, xy_m: NDArray[np.float64], step_m: float, ahead_m: float = 0.8):
+    def __init__(self, xy_m: Array, step_m: float, ahead_m: float = 0.8):
         self.xy_m = np.ascontiguousarray(xy_m, dtype=np.float64)
         self.index = 0
         self.last = len(xy_m) - 1
@@ -72,7 +72,7 @@ class RouteCursor:
         *,
         farthest: int,
         nearest: int,
-        clearance_m: NDArray[np.float64],
+        clearance_m: Array,
         needed_m: float,
         grid: GridSpec,
     ) -> int:

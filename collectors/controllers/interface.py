@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.core.rollout import Action
 from ...formats.scene.freemap import Freemap
 from ..robots import CommandLimits
@@ -81,8 +81,8 @@ class Task:
         chooser: chooses the discrete actions; the expert when None.
     """
 
-    reference_xy_m: NDArray[np.float64]
-    goal_xy_m: NDArray[np.float64]
+    reference_xy_m: Array
+    goal_xy_m: Array
     freemap: Freemap
     radius_m: float
     limits: CommandLimits

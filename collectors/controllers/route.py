@@ -3,14 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...formats.core.arrays import Array
 from ...formats.core.geometry import arc_length, space_evenly
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.planning import plan_path, segments_free
 from .interface import Pose
 
-Array = NDArray[np.float64]
 STEP_M = 0.05
 _CURVE_M = 0.25  # headings are compared over this length before and after a point
 

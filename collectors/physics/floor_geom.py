@@ -2,9 +2,9 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates, maximum_filter
 
+from ...formats.core.arrays import F32, Array, Mask
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from .config import LevelModelConfig
@@ -17,7 +17,7 @@ _STRIDES = (8, 6, 4, 3, 2)
 def add_floor(
     scene: mujoco.MjSpec,
     surface: FloorSurface,
-    walked: NDArray[np.float32],
+    walked: F32,
     config: LevelModelConfig,
 ) -> str:
     """Add the floor to a scene, as a geom of a body of its own.
@@ -67,9 +67,7 @@ def add_floor(
     return "height field"
 
 
-def _coarsened(
-    surface: FloorSurface, error_m: float
-) -> tuple[GridSpec, NDArray[np.float64], NDArray[np.bool_]]:
+def _coarsened(surface: FloorSurface, error_m: float) -> tuple[GridSpec, Array, Mask]:
     """Return the floor on the coarsest grid that keeps every solid cell's height to `error_m`.
 
     A foot touches every triangle near it, so larger triangles mean fewer contacts to solve.
@@ -96,7 +94,7 @@ def _coarsened(
     return grid, height, solid
 
 
-def walked_heights(surface: FloorSurface, freemap: Freemap) -> NDArray[np.float32]:
+def walked_heights(surface: FloorSurface, freemap: Freemap) -> F32:
     """Return the heights (N,) [m] of covered floor cells whose centres are traversable."""
     rows, columns = np.nonzero(surface.floor.covered)
     xy = surface.floor.grid.center_of(np.stack([rows, columns], axis=1))

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import distance_transform_edt
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.scene.bundle import Floor
 
 # Walls stand on cells that no scan covers; feet next to a wall must not fall into a crack there.
@@ -20,7 +21,7 @@ class FloorSurface:
     floor: Floor
 
     @cached_property
-    def solid(self) -> NDArray[np.bool_]:
+    def solid(self) -> Mask:
         """(rows, columns) bool: covered, or within `SKIRT_M` of a covered cell."""
         covered = self.floor.covered
         if covered.all():
@@ -28,7 +29,7 @@ class FloorSurface:
         gap = np.asarray(distance_transform_edt(~covered)) * self.floor.grid.cell_m
         return gap <= SKIRT_M
 
-    def height_at(self, xy_m: ArrayLike) -> NDArray[np.float64]:
+    def height_at(self, xy_m: ArrayLike) -> Array:
         """Return the floor height (...) [m] under points (..., 2) [m], bilinear between cells."""
         grid = self.floor.grid
         xy = np.asarray(xy_m, dtype=np.float64)

@@ -5,13 +5,12 @@ physics; none of these steps changes a contact that the robot could make.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.scene.bundle import Obstacles
 from ...formats.scene.freemap import Freemap
 
-Array = NDArray[np.float64]
 TOUCH_M = 1e-4  # boxes closer than this count as touching
 THINNEST_M = 1e-3  # half side below which a box is widened, so that it is a solid for the solver
 
@@ -34,7 +33,7 @@ def robot_obstacles(
     return Obstacles((lower + upper) / 2, np.maximum((upper - lower) / 2, THINNEST_M))
 
 
-def _reachable(lower: Array, upper: Array, freemap: Freemap, reach_m: float) -> NDArray[np.bool_]:
+def _reachable(lower: Array, upper: Array, freemap: Freemap, reach_m: float) -> Mask:
     """Return (N,) bool: some part of the box is within `reach_m` of a traversable cell."""
     if not freemap.traversable.any():
         return np.zeros(len(lower), dtype=bool)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
@@ -70,7 +71,7 @@ class ObstacleGate:
         if (near != self._open).any():
             self._set(near)
 
-    def _set(self, near: NDArray[np.bool_]) -> None:
+    def _set(self, near: Mask) -> None:
         self._open, self.open_bodies = near, int(near.sum())
         for field, k in ((self._contype, 0), (self._conaffinity, 1)):
             field[self._bodies] = np.where(near, self._bits[True][k], self._bits[False][k])
@@ -87,9 +88,7 @@ def _look(geom_xpos, geoms, slot, needed, distance, frame, near):
             near[slot[i]] = True
 
 
-def _distance_m(
-    grid: GridSpec, model: mujoco.MjModel, boxes: NDArray[np.intp]
-) -> NDArray[np.float64]:
+def _distance_m(grid: GridSpec, model: mujoco.MjModel, boxes: NDArray[np.intp]) -> Array:
     """Return a lower bound (rows, columns) of the distance of a cell's points to a box [m]."""
     center, half = model.geom_pos[boxes, :2], model.geom_size[boxes, :2]
     last = np.array(grid.shape)

@@ -11,9 +11,10 @@ As in VLN-CE, paths are therefore measured at action boundaries, four times a se
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
+from ...formats.core.arrays import Array
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length, space_evenly
 from ...formats.core.kernel import kernel
@@ -55,7 +56,7 @@ def ndtw(path_m: ArrayLike, reference_m: ArrayLike, threshold_m: float = NDTW_TH
 def rollout_metrics(
     episode: Episode,
     freemap: Freemap,
-    position_world_m: NDArray[np.float64],
+    position_world_m: Array,
     end_reason: EndReason,
 ) -> Metrics:
     """Return the metrics of a base track (T, 3) [m] at `STATE_RATE_HZ`, T ≥ 1.

@@ -3,13 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.frames import quat_to_matrix
 from ...formats.core.rollout import STATE_RATE_HZ
 from .world import World
 
-Array = NDArray[np.float64]
 TOUCH_N = 1.0  # a foot that carries less is in the air
 
 

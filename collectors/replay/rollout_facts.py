@@ -4,9 +4,8 @@ from dataclasses import asdict
 from typing import Any
 
 import mujoco
-import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.core.frames import quat_to_yaw
 from ...formats.core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action
 from ..controllers import Expert, Pose, Task
@@ -17,9 +16,7 @@ from .config import ReplayConfig
 from .world import World
 
 
-def expert_labels(
-    task: Task, position_world_m: NDArray[np.float64], quat_wxyz: NDArray[np.float64]
-) -> tuple[Action, ...]:
+def expert_labels(task: Task, position_world_m: Array, quat_wxyz: Array) -> tuple[Action, ...]:
     """Return the expert's action at each frame of a robot that follows its path.
 
     Args:

@@ -8,8 +8,9 @@ from typing import Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...formats.core.arrays import Array
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ..controllers import Coasting, Pose
@@ -29,7 +30,7 @@ class Gait(Protocol):
         """Forget everything; called at the start of every rollout."""
         ...
 
-    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return joint targets for the next 20 ms; see `GaitPolicy.act`."""
         ...
 
@@ -54,7 +55,7 @@ class World:
     model: mujoco.MjModel
     data: mujoco.MjData
     handles: RobotHandles
-    base: NDArray[np.float64]
+    base: Array
     gait: Gait
     surface: FloorSurface
     freemap: Freemap
@@ -73,7 +74,7 @@ class World:
         """Stopping distances and turn lag of the robot."""
         return coasting_of(self.robot, self.gait)
 
-    def spawn(self, pose: Pose, joint_noise_rad: NDArray[np.float64] | None = None) -> None:
+    def spawn(self, pose: Pose, joint_noise_rad: Array | None = None) -> None:
         """Reset physics and stand the robot on the floor, its feet a few mm above it.
 
         Args:

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import InputError
 from .spec import RobotSpec
 
@@ -37,7 +38,7 @@ class RobotHandles:
     root_body: int
     bodies: frozenset[int]
     sole_geoms: NDArray[np.intp]
-    sole_radius_m: NDArray[np.float64]
+    sole_radius_m: Array
     foot_touch: NDArray[np.intp]
     gyro: int
     accelerometer: int
@@ -112,7 +113,7 @@ class RobotHandles:
         return float(data.subtree_com[self.root_body, 2] - lowest.min())
 
 
-def sole_radius_m(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> NDArray[np.float64]:
+def sole_radius_m(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Array:
     """Return the radius [m] of spheres and lying cylinders; of ellipsoids the largest half axis."""
     cylinder = model.geom_type[geoms] == mujoco.mjtGeom.mjGEOM_CYLINDER
     return np.where(cylinder, model.geom_size[geoms, 0], model.geom_rbound[geoms])

@@ -4,8 +4,8 @@ import math
 from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.core.camera import CameraModel
 
 
@@ -71,7 +71,7 @@ class CommandLimits:
     vy_m_s: tuple[float, float]
     yaw_rad_s: tuple[float, float]
 
-    def clip(self, command: NDArray[np.float64]) -> NDArray[np.float64]:
+    def clip(self, command: Array) -> Array:
         """Return commands (…, 3) of vx, vy and yaw rate, clipped to the limits."""
         limits = np.array([self.vx_m_s, self.vy_m_s, self.yaw_rad_s])
         return np.clip(command, limits[:, 0], limits[:, 1])

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from .parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, WheelDrive
 
 TIMESTEP_S = 0.005  # 200 Hz, as VLN-PE
@@ -92,7 +92,7 @@ class RobotSpec:
         return tuple(foot.name for foot in self.feet)
 
     @property
-    def default_joint_rad(self) -> NDArray[np.float64]:
+    def default_joint_rad(self) -> Array:
         """(J,) default joint positions [rad]."""
         return np.array([joint.default_rad for joint in self.joints])
 

@@ -13,6 +13,7 @@ from torch.utils.data import Dataset
 
 from ...datasets.poses import motions
 from ...datasets.tokens import Tokens
+from ...formats.core.arrays import F32, I64, U8, Array
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
 from ..config import TrainConfig
@@ -34,12 +35,12 @@ class Correction:
         name: name of the episode.
     """
 
-    rgb: NDArray[np.uint8]
-    depth_m: NDArray[np.float32]
-    action: NDArray[np.int64]
-    executed: NDArray[np.int64]
-    pose: NDArray[np.float64]
-    progress: NDArray[np.float32]
+    rgb: U8
+    depth_m: F32
+    action: I64
+    executed: I64
+    pose: Array
+    progress: F32
     instruction: str
     name: str
     robot: str

@@ -3,14 +3,12 @@
 import itertools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import I64, Array
 from ...formats.core.camera import CameraModel
 from ...formats.core.frames import look_at, matrix_to_quat, quat_to_yaw, wrap_angle
 from ...formats.core.rollout import Rollout
 from ..interface import Renderer
-
-Array = NDArray[np.float64]
 
 HEADING_TIME_S = 0.6  # smooths out the gait and small corrections
 TURN_TIME_S = 0.5
@@ -29,7 +27,7 @@ ELEVATION_COST = 0.5
 
 def chase_poses(
     rollout: Rollout,
-    samples: NDArray[np.int64],
+    samples: I64,
     base_height_m: float,
     camera: CameraModel,
     renderer: Renderer,

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, U8
 from ...formats.core.atomic import write_json
 from ...formats.core.camera import DepthRange
 from ...formats.scene.bundle import SceneBundle
@@ -61,7 +62,7 @@ def write_extras(
     bundle: SceneBundle,
     frames_per_second: int,
     depth_range: DepthRange,
-) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.float32]]]:
+) -> Iterator[tuple[U8, F32]]:
     """Yield RGB and depth of each frame while writing the optional videos.
 
     If pixels are labelled, `labels.json` with the names of the codes is written, too.

@@ -1,8 +1,8 @@
 """Rays of pixels. Directions have length 1 along the optical axis, so that t is planar depth."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, Array
 from ...formats.core.kernel import kernel
 
 # Samples around the centre, whose ray is traced anyway: all four differ in row and in column.
@@ -11,11 +11,11 @@ SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.flo
 
 @kernel()
 def fill_directions(
-    rotation: NDArray[np.float64],
+    rotation: Array,
     focal_px: float,
     width: int,
     height: int,
-    out: NDArray[np.float32],
+    out: F32,
 ) -> None:
     """Write the world directions of all pixel centres, row by row.
 
@@ -38,13 +38,13 @@ def fill_directions(
 
 @kernel()
 def subpixel_directions(
-    pixels: NDArray[np.int32],
-    subpixels: NDArray[np.float32],
-    rotation: NDArray[np.float64],
+    pixels: I32,
+    subpixels: F32,
+    rotation: Array,
     focal_px: float,
     width: int,
     height: int,
-) -> NDArray[np.float32]:
+) -> F32:
     """Return the world directions (K · S, 3) of S samples in each of K pixels.
 
     Args:
@@ -70,7 +70,7 @@ def subpixel_directions(
     return out
 
 
-def list_order(count: int, *, lanes: int) -> NDArray[np.int32]:
+def list_order(count: int, *, lanes: int) -> I32:
     """Return rays 0 … count − 1 in order, padded to whole packets of `lanes` rays with −1."""
     order = np.full(-(-count // lanes) * lanes, -1, dtype=np.int32)
     order[:count] = np.arange(count)

@@ -4,10 +4,8 @@ import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ...collectors.robots import RobotSpec, get_robot
+from ...formats.core.arrays import F32, I64, U8, Array
 from ...formats.core.errors import check_name
 from ...formats.core.rollout import Rollout
 from ..frame import Frame, Pose
@@ -17,7 +15,7 @@ from ..scene.robot_body import RobotBody, RobotGeometryPose
 from .mounting import body_for
 from .views import VIEWS, CameraPath, Shot, View
 
-Picture = tuple[NDArray[np.uint8], NDArray[np.float32]]
+Picture = tuple[U8, F32]
 
 
 @dataclass(frozen=True)
@@ -32,7 +30,7 @@ class RolloutFrames:
     rollout: Rollout
     view: View
     body: RobotBody
-    sample_index: NDArray[np.int64]
+    sample_index: I64
     path: CameraPath
     lamp: str | None = None
 
@@ -42,7 +40,7 @@ class RolloutFrames:
         renderer: Renderer,
         rollout: Rollout,
         view: View,
-        samples: NDArray[np.int64],
+        samples: I64,
         robot: RobotSpec | None = None,
     ) -> "RolloutFrames":
         """Compute the camera poses of a view at `samples` (N,).
@@ -80,11 +78,7 @@ class RolloutFrames:
         for n in range(len(self.sample_index)):
             yield renderer.render_labelled(self.view.camera, *self._instant(n))
 
-    def _instant(
-        self, n: int
-    ) -> tuple[
-        NDArray[np.float64], NDArray[np.float64], RobotGeometryPose | None, float, Pose | None
-    ]:
+    def _instant(self, n: int) -> tuple[Array, Array, RobotGeometryPose | None, float, Pose | None]:
         """Return the arguments of `Renderer.render` for frame `n`, after the camera."""
         sample = self.sample_index[n]
         state = (

@@ -6,9 +6,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...collectors.robots import RobotSpec
+from ...formats.core.arrays import F32, I64, U8, U16
 from ...formats.core.atomic import atomic_file, write_json
 from ...formats.core.camera import DepthRange
 from ...formats.core.errors import check_name
@@ -37,7 +37,7 @@ def render_rollout(
     codec: str = "h264",
     robot: RobotSpec | None = None,
     extras: Extras | None = None,
-    on_depth: Callable[[NDArray[np.uint16]], None] | None = None,
+    on_depth: Callable[[U16], None] | None = None,
 ) -> int:
     """Render a rollout into `out_dir`; return the number of frames.
 
@@ -130,20 +130,20 @@ def _write_videos(
     depth_range: DepthRange,
     codec: str,
     *,
-    rgb_counts: NDArray[np.int64],
-    depth_counts: NDArray[np.int64],
-    on_depth: Callable[[NDArray[np.uint16]], None] | None = None,
+    rgb_counts: I64,
+    depth_counts: I64,
+    on_depth: Callable[[U16], None] | None = None,
 ) -> int:
     """Encode both videos in one pass over `frames`, depth in a thread beside RGB."""
-    waiting: queue.Queue[NDArray[np.float32] | BaseException | None] = queue.Queue(maxsize=4)
+    waiting: queue.Queue[F32 | BaseException | None] = queue.Queue(maxsize=4)
 
-    def depth_frames() -> Iterator[NDArray[np.float32]]:
+    def depth_frames() -> Iterator[F32]:
         while (item := waiting.get()) is not None:
             if isinstance(item, BaseException):
                 raise item  # so that no truncated video is kept when rendering fails
             yield item
 
-    def rgb_frames(depth_writer: Future[int]) -> Iterator[NDArray[np.uint8]]:
+    def rgb_frames(depth_writer: Future[int]) -> Iterator[U8]:
         for rgb, depth in frames:
             _put(waiting, depth, depth_writer)
             yield rgb
@@ -172,8 +172,8 @@ def _write_videos(
 
 
 def _put(
-    waiting: queue.Queue[NDArray[np.float32] | BaseException | None],
-    item: NDArray[np.float32] | BaseException | None,
+    waiting: queue.Queue[F32 | BaseException | None],
+    item: F32 | BaseException | None,
     reader: Future[int],
 ) -> None:
     """Queue an item unless the reader has ended; `result` then raises the reader's own error."""

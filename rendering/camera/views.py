@@ -5,9 +5,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...collectors.robots import RobotSpec, get_robot
+from ...formats.core.arrays import I64, Array
 from ...formats.core.camera import CameraModel
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.frames import matrix_to_quat
@@ -15,8 +15,6 @@ from ...formats.core.rollout import Rollout
 from ..interface import Renderer
 from ..scene.robot_body import RobotBody
 from .chase import chase_poses
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -39,7 +37,7 @@ class Shot:
     """Inputs from which a view kind computes its camera poses."""
 
     rollout: Rollout
-    samples: NDArray[np.int64]
+    samples: I64
     camera: CameraModel
     robot: RobotSpec
     body: RobotBody

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ...collectors.robots import RobotSpec, get_robot
+from ...formats.core.arrays import U8
 from ...formats.core.atomic import atomic_file
 from ...formats.core.rollout import Rollout
 from ...formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_rgb_video
@@ -16,7 +16,7 @@ from ..camera.rollout_frames import RolloutFrames
 from ..camera.views import View, chase_view
 from ..interface import Renderer
 
-Picture = NDArray[np.uint8]
+Picture = U8
 
 
 def third_person_clip(

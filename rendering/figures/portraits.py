@@ -4,18 +4,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ...collectors.robots import RobotSpec
+from ...formats.core.arrays import U8, Array
 from ...formats.core.camera import CameraModel
 from ...formats.core.frames import look_at, matrix_to_quat, yaw_to_quat
 from ..embree import SceneRenderer
 from ..scene.robot_body import RobotBody, RobotGeometryPose
 from .stroll import Stroll
 
-Array = NDArray[np.float64]
-Picture = NDArray[np.uint8]
+Picture = U8
 
 TURNTABLE_PX, STRIP_PX = 250_000, 130_000  # area of a tile
 FINER = 2  # pictures are rendered so many times larger and averaged down

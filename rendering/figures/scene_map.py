@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import U8
 from ...formats.core.camera import CameraModel
 from ...formats.core.frames import matrix_to_quat
 from ...formats.scene.bundle import SceneBundle
@@ -34,7 +34,7 @@ class SceneMap:
         px_per_m: scale.
     """
 
-    image: NDArray[np.uint8]
+    image: U8
     left_m: float
     top_m: float
     px_per_m: float

@@ -5,10 +5,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from ...collectors.robots import RobotSpec
+from ...formats.core.arrays import I64
 from ...formats.core.rollout import STATE_RATE_HZ, Rollout
 from ..camera.rollout_frames import RolloutFrames
 from ..camera.views import View, chase_view, make_view
@@ -59,7 +59,7 @@ def policy_film(
     return write_clip(path, frames(), FRAMES_PER_SECOND)
 
 
-def _moments(rollout: Rollout) -> NDArray[np.int64]:
+def _moments(rollout: Rollout) -> I64:
     """Return the samples at which actions begin, and the last one."""
     starts = [span.start_sample for span in rollout.actions]
     if not starts:

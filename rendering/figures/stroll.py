@@ -5,14 +5,12 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ...collectors.locomotion.runtime.drives import gait_for
 from ...collectors.locomotion.runtime.policy import GaitPolicy
 from ...collectors.robots import POLICY_DECIMATION, TIMESTEP_S, RobotHandles, RobotSpec
+from ...formats.core.arrays import Array
 from ...formats.core.errors import InputError
-
-Array = NDArray[np.float64]
 
 SPEED_M_S = 0.8
 SETTLE_S, WARM_S = 1.0, 3.0

@@ -6,15 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from PIL import Image
 
 from ...collectors.robots import RobotSpec
+from ...formats.core.arrays import U8
 from ...formats.scene.bundle import Material, SceneBundle, VisualMesh, save_bundle
 from ..embree import SceneRenderer
 from .portraits import StandingRobot
 
-Picture = NDArray[np.uint8]
+Picture = U8
 
 FLOOR_M, FLOOR_PX = 16.0, 2048  # side of the floor for a robot about a metre tall
 NEAR_SRGB, FAR_SRGB, TOP_SRGB = (238, 238, 236), (205, 211, 219), (168, 178, 191)

@@ -7,14 +7,13 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I64, U8
 from ...formats.core.errors import InputError
 from ..frame import RenderRequest
 
 NEAR_M = 0.02
 HIDDEN_GROUP = 5
-F32 = NDArray[np.float32]
 
 
 def open_display() -> tuple[Any, Any]:
@@ -100,7 +99,7 @@ class ModelDrawer:
         self._pixels.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR  # depth as stored
         self._scene.flags[:] = 0  # no shadows, fog or reflections; both sides are drawn
 
-    def upload(self, textures: list[list[NDArray[np.uint8]]]) -> None:
+    def upload(self, textures: list[list[U8]]) -> None:
         """Fill the model's textures with mip pyramids, with anisotropic filtering."""
         gl = self._context.gl
         self._context.use()
@@ -125,7 +124,7 @@ class ModelDrawer:
             gl.glTexParameterf(gl.GL_TEXTURE_2D, 0x84FE, min(float(sharpest), 16.0))
         gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
 
-    def draw(self, view: DrawnView) -> tuple[NDArray[np.uint8], F32]:
+    def draw(self, view: DrawnView) -> tuple[U8, F32]:
         """Return colours (H, W, 3) uint8 sRGB and depth (H, W) float32 [m], 0 = nothing."""
         camera, near_m, far_m = view.request.camera, view.near_m, view.far_m
         rotation = view.request.rotation
@@ -160,7 +159,7 @@ class ModelDrawer:
         depth[stored <= 0.0] = 0.0
         return np.ascontiguousarray(rgb[::-1]), np.ascontiguousarray(depth[::-1])
 
-    def geoms(self, view: DrawnView) -> NDArray[np.int64]:
+    def geoms(self, view: DrawnView) -> I64:
         """Return the geom (H, W) that each pixel shows of the view drawn last, −1 = none."""
         width, height = view.request.camera.width_px, view.request.camera.height_px
         self._context.use()

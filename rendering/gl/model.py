@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I64, U8, Array
 from ...formats.core.geometry import triangle_cross
 from ...formats.scene.bundle import VisualMesh
 from ..kernels.data import TexturePack
@@ -31,9 +31,9 @@ class Pieces:
     """
 
     model: mujoco.MjModel
-    corners_m: NDArray[np.float64]
-    material: NDArray[np.int64]
-    textures: list[list[NDArray[np.uint8]]]
+    corners_m: Array
+    material: I64
+    textures: list[list[U8]]
 
 
 def scene_pieces(mesh: VisualMesh, materials: MaterialTable) -> Pieces:
@@ -90,8 +90,8 @@ def _spec() -> mujoco.MjSpec:
 def _add_mesh(
     spec: mujoco.MjSpec,
     name: str,
-    corners: NDArray[np.float64],
-    uv: NDArray[np.float32] | None,
+    corners: Array,
+    uv: F32 | None,
 ) -> None:
     """Add triangles (F, 3, 3) with texture coordinates (F, 3, 2)."""
     vertices = corners.reshape(-1, 3)
@@ -115,7 +115,7 @@ def _add_geom(spec: mujoco.MjSpec, mesh: str, *, material: str) -> None:
     )
 
 
-def _add_materials(spec: mujoco.MjSpec, materials: MaterialTable) -> list[list[NDArray[np.uint8]]]:
+def _add_materials(spec: mujoco.MjSpec, materials: MaterialTable) -> list[list[U8]]:
     """Add all materials, and a 1 × 1 texture for each pair of texture and base colour.
 
     Returns:
@@ -142,9 +142,7 @@ def _add_materials(spec: mujoco.MjSpec, materials: MaterialTable) -> list[list[N
     return pyramids
 
 
-def _pyramid(
-    pack: TexturePack, texture: int, base_linear: NDArray[np.float32]
-) -> list[NDArray[np.uint8]]:
+def _pyramid(pack: TexturePack, texture: int, base_linear: F32) -> list[U8]:
     levels = []
     roots = np.arange(1024) / 1023.0
     tables = [np.round(255 * to_srgb(roots**2 * base)).astype(np.uint8) for base in base_linear]

@@ -7,8 +7,8 @@ code runs on Mesa's llvmpipe.
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, U8, Array, Mask
 from ...formats.core.frames import quat_to_matrix
 from ...formats.scene.bundle import SceneBundle, VisualMesh
 from ..frame import Drawn, RenderRequest
@@ -23,9 +23,6 @@ from ..scene.textures import MaterialTable
 from ..scene_tracer import pixel_directions
 from .draw import HIDDEN_GROUP, NEAR_M, DrawnView, GlContext, ModelDrawer, gl_context
 from .model import robot_model, scene_pieces
-
-F32 = NDArray[np.float32]
-Array = NDArray[np.float64]
 
 SHADOW_OFFSET_M = 0.005  # distance of a shadow ray's origin from the surface
 # What a pixel shows: nothing, a surface that is not lit, one that is lit, the robot.
@@ -108,7 +105,7 @@ class GlRenderer(Renderer):
         request: RenderRequest,
         directions: F32,
         depth: F32,
-        state: NDArray[np.uint8],
+        state: U8,
     ) -> F32:
         """Return (H · W,) 0 in the lamp's shadow, else 1; (0,) when the lamp casts none."""
         if not (light.lamp_apart and light.lamp[6] > 0):
@@ -134,9 +131,7 @@ class _RobotDrawer:
         self._moved, self._turned = model.geom_pos.copy(), quat_to_matrix(model.geom_quat)
         self._box = bounding_boxes(surfaces)
 
-    def draw(
-        self, pose: RobotGeometryPose, request: RenderRequest
-    ) -> tuple[NDArray[np.uint8], F32] | None:
+    def draw(self, pose: RobotGeometryPose, request: RenderRequest) -> tuple[U8, F32] | None:
         """Return colours and depth of the posed body; None when it is out of view."""
         at, turn = pose.position_world_m, pose.rotation_world
         corners = np.einsum("gij,gkj->gki", turn, self._box) + at[:, None]
@@ -153,7 +148,7 @@ class _RobotDrawer:
         return self._drawer.draw(DrawnView(request, near_m, far_m))
 
 
-def _in_view(corners_m: Array, request: RenderRequest) -> tuple[NDArray[np.bool_], float, float]:
+def _in_view(corners_m: Array, request: RenderRequest) -> tuple[Mask, float, float]:
     """Return which boxes (G, 8, 3) the camera may see (G,), and their least and greatest z [m]."""
     camera = request.camera
     x, y, z = np.moveaxis((corners_m - request.position) @ request.rotation, -1, 0)

@@ -7,8 +7,9 @@ read by kernels with a trilinear look-up weighted by the squares of the normal.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
+
+from ...formats.core.arrays import F32, U16, Floats
 
 f32 = np.float32
 
@@ -29,8 +30,8 @@ class CubeGrid(NamedTuple):
         scale: value of one step.
     """
 
-    cube: NDArray[np.uint16]
-    lower_m: NDArray[np.float32]
+    cube: U16
+    lower_m: F32
     per_m: np.float32
     scale: np.float32
 
@@ -41,7 +42,7 @@ def constant_grid(value: float) -> CubeGrid:
     return CubeGrid(cube, np.zeros(3, dtype=f32), f32(1.0), f32(value / 65535))
 
 
-def cell_centers(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float32], CubeGrid]:
+def cell_centers(vertices: F32) -> tuple[F32, CubeGrid]:
     """Return cell centres (Z, Y, X, 3) over the bounds of vertices (V, 3) and their empty grid.
 
     Cells are `CELL_M` wide, or wider if more than `MAX_CELLS` would be needed.
@@ -57,14 +58,14 @@ def cell_centers(vertices: NDArray[np.float32]) -> tuple[NDArray[np.float32], Cu
     return np.stack([x, y, z], axis=-1).astype(f32), grid
 
 
-def filled(grid: CubeGrid, values: NDArray[np.floating], top: float) -> CubeGrid:
+def filled(grid: CubeGrid, values: Floats, top: float) -> CubeGrid:
     """Return `grid` with values (Z, Y, X, 6) from 0 to `top`."""
     cube = np.zeros_like(grid.cube)
     cube[..., :6] = np.round(np.clip(values / top, 0.0, 1.0) * 65535.0)
     return grid._replace(cube=cube, scale=f32(top / 65535.0))
 
 
-def inpainted(values: NDArray[np.floating], *, trust: NDArray[np.floating]) -> NDArray[np.floating]:
+def inpainted(values: Floats, *, trust: Floats) -> Floats:
     """Replace values of cells inside furniture and walls by those of the cells around them.
 
     Args:

@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, I64, Mask
 from ...geometry.rays.library import lanes
 from ...geometry.rays.packets import PacketScene, packet
 from .cube_grid import CubeGrid
-
-F32 = NDArray[np.float32]
 
 # All of LLVM's fast-math flags but those that assume that there are no infinities and NaNs.
 FAST = {"contract", "arcp", "nsz", "reassoc"}
@@ -32,9 +31,9 @@ class TexturePack(NamedTuple):
     """
 
     texels: NDArray[np.uint32]
-    offset: NDArray[np.int64]
-    size_px: NDArray[np.int32]
-    levels: NDArray[np.int32]
+    offset: I64
+    size_px: I32
+    levels: I32
 
     def level(self, texture: int, level: int) -> NDArray[np.uint32]:
         """Return a level's texels (H, W)."""
@@ -57,8 +56,8 @@ class SceneArrays(NamedTuple):
 
     face: F32
     base_linear: F32
-    texture: NDArray[np.int32]
-    shaded: NDArray[np.bool_]
+    texture: I32
+    shaded: Mask
     pack: TexturePack
 
 
@@ -96,15 +95,15 @@ class Packets(NamedTuple):
     """
 
     scene: int
-    arguments: NDArray[np.int32]
+    arguments: I32
     size: int
     rays: F32
-    bits: NDArray[np.int32]
+    bits: I32
     shadow_rays: F32
-    shadow_bits: NDArray[np.int32]
+    shadow_bits: I32
     starts: F32
-    reused: NDArray[np.int32]
-    taps: NDArray[np.int32]
+    reused: I32
+    taps: I32
     samples: F32
 
     @classmethod
@@ -131,8 +130,8 @@ class Hits(NamedTuple):
 
     color: F32
     depth: F32
-    surface: NDArray[np.int32]
-    prim: NDArray[np.int32]
+    surface: I32
+    prim: I32
 
     @classmethod
     def nothing(cls, count: int) -> "Hits":

@@ -2,17 +2,16 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, U8, Mask
 from ...formats.core.kernel import kernel
 from .data import UNCOUNTED
 
-F32 = NDArray[np.float32]
 U0, U1, U2 = np.uint64(0), np.uint64(1), np.uint64(2)  # indices that need no check for negatives
 
 
 @njit(inline="always")
-def _contrast(rgb: NDArray[np.uint8], i: np.uint64, j: np.uint64) -> np.int32:
+def _contrast(rgb: U8, i: np.uint64, j: np.uint64) -> np.int32:
     # Bytes are unsigned: their bare difference would wrap around.
     red = abs(np.int32(rgb[i, U0]) - np.int32(rgb[j, U0]))
     green = abs(np.int32(rgb[i, U1]) - np.int32(rgb[j, U1]))
@@ -22,14 +21,14 @@ def _contrast(rgb: NDArray[np.uint8], i: np.uint64, j: np.uint64) -> np.int32:
 
 @kernel(**UNCOUNTED)
 def find_edges(
-    rgb: NDArray[np.uint8],
+    rgb: U8,
     depth: F32,
-    surface: NDArray[np.int32],
+    surface: I32,
     width: int,
     height: int,
     relative_bend: float,
     min_contrast: int,
-    marked: NDArray[np.bool_],
+    marked: Mask,
 ) -> None:
     """Mark the pixels that lie on a visible geometric edge.
 
@@ -76,7 +75,7 @@ def find_edges(
 
 
 @kernel(**UNCOUNTED)
-def in_order(order: NDArray[np.int32], marked: NDArray[np.bool_], out: NDArray[np.int32]) -> int:
+def in_order(order: I32, marked: Mask, out: I32) -> int:
     """Write the marked pixels to `out` in the order of `order`, which has −1 for none.
 
     Returns:
@@ -92,7 +91,7 @@ def in_order(order: NDArray[np.int32], marked: NDArray[np.bool_], out: NDArray[n
 
 
 @kernel()
-def add_samples(samples: F32, count: int, pixels: NDArray[np.int32], color: F32) -> F32:
+def add_samples(samples: F32, count: int, pixels: I32, color: F32) -> F32:
     """Return the mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
 
     `samples` is (K · count, 3), `pixels` (K,).

@@ -7,12 +7,12 @@ since the processor guesses the number of taps less often. Steps and helpers are
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32
 from ...formats.core.kernel import kernel
 from ...geometry.rays.library import call_intersect, call_occluded
 from ...geometry.rays.packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
-from .data import F32, FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays
+from .data import FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 from .texture_sampling import footprint, prefetch_texels, sample_texture
 
@@ -21,7 +21,7 @@ f32 = np.float32
 
 @kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def render_rays(
-    order: NDArray[np.int32],
+    order: I32,
     directions: F32,
     pixel: F32,
     eye: F32,
@@ -31,7 +31,7 @@ def render_rays(
     light: LightArrays,
     spheres: F32,
     reach: F32,
-    near: NDArray[np.int32],
+    near: I32,
     seen: Hits,
     hits: Hits,
 ):

@@ -2,11 +2,11 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I64, U8
 from ...formats.core.kernel import kernel
 from ...geometry.rays.packets import PacketHits
-from .data import F32, FAST, UNCOUNTED, LightArrays
+from .data import FAST, UNCOUNTED, LightArrays
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
 
 f32 = np.float32
@@ -14,7 +14,7 @@ f32 = np.float32
 
 @kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def shade_robot(
-    rays: NDArray[np.int64],
+    rays: I64,
     directions: F32,
     eye: F32,
     hits: PacketHits,
@@ -74,9 +74,9 @@ def _between(corner: F32, face, w, u, v):
 
 @kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def light_pixels(
-    rgb: NDArray[np.uint8],
+    rgb: U8,
     depth: F32,
-    state: NDArray[np.uint8],
+    state: U8,
     width: int,
     height: int,
     directions: F32,

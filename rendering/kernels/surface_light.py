@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
+from ...formats.core.arrays import F32
 from .cube_grid import CubeGrid
-from .data import F32, LightArrays
+from .data import LightArrays
 from .vectors import blend_cells
 
 f32 = np.float32

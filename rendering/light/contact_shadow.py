@@ -6,12 +6,10 @@ kernels in `surface_light` add them up.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Array
 from ..kernels.surface_light import SPHERE_REACH_M
 from ..scene.robot_body import GeomSurface, RobotGeometryPose
-
-F32 = NDArray[np.float32]
 
 MIN_RADIUS_M = 0.012  # the shadow of thinner parts is not worth its time
 MAX_SPHERES_PER_GEOM = 3
@@ -50,7 +48,7 @@ def shadow_bounds(spheres: F32) -> F32:
     return bounds
 
 
-def _spheres(surface: GeomSurface) -> tuple[NDArray[np.float64], float]:
+def _spheres(surface: GeomSurface) -> tuple[Array, float]:
     """Return centres (K, 3) in the geom's frame along its longest side, and their radius [m]."""
     corners = surface.corners.reshape(-1, 3).astype(np.float64)
     half = 0.5 * (corners.max(0) - corners.min(0))

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32
 from ...formats.core.errors import check_name
 
 
@@ -49,7 +49,7 @@ class Light:
     outside_up: tuple[float, float, float] = (0.40, 0.47, 0.56)
     outside_down: tuple[float, float, float] = (0.05, 0.05, 0.055)
 
-    def parameters(self) -> NDArray[np.float32]:
+    def parameters(self) -> F32:
         """Return (14,) float32: sky, ground, key, head, key direction, outside up, down, corner."""
         direction = np.asarray(self.key_direction) / np.linalg.norm(self.key_direction)
         return np.array(

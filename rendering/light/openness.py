@@ -7,8 +7,8 @@ It is traced once per scene.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Array, Floats
 from ...geometry.rays.packets import PacketScene
 from ..kernels.cube_grid import AXES, CubeGrid, cell_centers, filled, inpainted
 
@@ -30,12 +30,12 @@ class Openness:
     """
 
     grid: CubeGrid
-    center_m: NDArray[np.float32]
-    free: NDArray[np.floating]
-    trust: NDArray[np.floating]
+    center_m: F32
+    free: Floats
+    trust: Floats
 
 
-def trace_openness(scene: PacketScene, vertices: NDArray[np.float32]) -> Openness:
+def trace_openness(scene: PacketScene, vertices: F32) -> Openness:
     """Trace the cells over the bounds of `vertices` (V, 3) [m], from which `scene` was built."""
     center, grid = cell_centers(vertices)
     origins = center.reshape(-1, 3)
@@ -57,7 +57,7 @@ def trace_openness(scene: PacketScene, vertices: NDArray[np.float32]) -> Opennes
     return Openness(filled(grid, free, 1.0), center, free, trust)
 
 
-def _sphere_directions(count: int) -> NDArray[np.float64]:
+def _sphere_directions(count: int) -> Array:
     """Return evenly spread unit vectors (count, 3): a Fibonacci spiral."""
     k = np.arange(count) + 0.5
     z = 1.0 - 2.0 * k / count

@@ -5,16 +5,14 @@ scene into a `CubeGrid`; light reflected by floor and walls is added as a smooth
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
+from ...formats.core.arrays import F32, Array
 from ...geometry.rays.packets import PacketScene
 from ..kernels.cube_grid import AXES, CubeGrid, filled
 from .openness import Openness
 
 f32 = np.float32
-Array = NDArray[np.float64]
-
 SPACING_M = 2.4
 STEP_M = 0.2  # of the search for open floor
 EYE_M = 1.2  # height above the floor from which ceilings are searched
@@ -31,7 +29,7 @@ BOUNCE_M = 1.2
 TOP = 8.0  # largest value stored
 
 
-def place_panels(scene: PacketScene, vertices: NDArray[np.float32], floors_z_m: Array) -> Array:
+def place_panels(scene: PacketScene, vertices: F32, floors_z_m: Array) -> Array:
     """Return the centres (P, 3) [m] of panels, one per `SPACING_M` tile of open floor.
 
     Args:
@@ -93,9 +91,7 @@ def trace_panels(scene: PacketScene, openness: Openness, panels_m: Array) -> Cub
     return filled(openness.grid, light, TOP)
 
 
-def _distance(
-    scene: PacketScene, origins: NDArray[np.float32], *, up: float, reach_m: float
-) -> Array:
+def _distance(scene: PacketScene, origins: F32, *, up: float, reach_m: float) -> Array:
     """Return the free distance (N,) straight up (1) or down (−1) [m], at most `reach_m`."""
     directions = np.tile(np.array([0.0, 0.0, up], dtype=f32), (len(origins), 1))
     far = np.full(len(origins), reach_m, dtype=f32)

@@ -1,8 +1,9 @@
 """A light in a scene: what can be computed once, independently of the camera."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...formats.core.arrays import Array
 from ...formats.core.frames import quat_to_matrix
 from ...formats.scene.bundle import SceneBundle, VisualMesh
 from ...geometry.rays.packets import PacketScene
@@ -57,7 +58,7 @@ def _grid(light: Light, bundle: SceneBundle, mesh: VisualMesh, scene: PacketScen
     around = light.around * openness.free
     if light.panels <= 0.0:
         return filled(openness.grid, around, max(light.around, 1e-6))
-    floors: NDArray[np.float64] = np.asarray(bundle.level_floor_z_m, dtype=np.float64)
+    floors: Array = np.asarray(bundle.level_floor_z_m, dtype=np.float64)
     panels = trace_panels(scene, openness, place_panels(scene, mesh.vertices, floors))
     value = panels.cube[..., :6] * (panels.scale * np.float32(light.panels)) + around
     return filled(openness.grid, value, float(value.max()))

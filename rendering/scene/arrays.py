@@ -1,8 +1,8 @@
 """Conversion of a scene's mesh and materials to arrays for kernels."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Array, Mask
 from ...formats.core.geometry import triangle_areas
 from ...formats.scene.bundle import VisualMesh
 from ...geometry.rays.packets import aligned
@@ -34,7 +34,7 @@ def scene_arrays(mesh: VisualMesh, materials: MaterialTable, relit: bool = False
     )
 
 
-def _face_records(mesh: VisualMesh) -> NDArray[np.float32]:
+def _face_records(mesh: VisualMesh) -> F32:
     """Return (F, 16) as described at `SceneArrays.face`."""
     records = aligned((len(mesh.faces), 16))
     corner = mesh.vertices[mesh.faces]
@@ -75,13 +75,13 @@ def drawn_share(mesh: VisualMesh, materials: MaterialTable) -> float:
     return float(area[repeated | flat].sum() / area.sum())
 
 
-def _uv_area(mesh: VisualMesh) -> NDArray[np.float64]:
+def _uv_area(mesh: VisualMesh) -> Array:
     uv = mesh.corner_uv.astype(np.float64)
     e, g = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
     return 0.5 * np.abs(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0])
 
 
-def _is_flat(materials: MaterialTable) -> NDArray[np.bool_]:
+def _is_flat(materials: MaterialTable) -> Mask:
     """Return (T,) whether a texture has a single colour, up to compression noise."""
     pack = materials.pack
     flat = np.zeros(max(len(pack.levels), 1), dtype=bool)

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32
 from ...formats.core.rollout import Rollout
 from ...formats.mcap.robot_links import CUBE, CYLINDER, SPHERE, TRIANGLES, LinkShape, RobotLinks
 from .primitives import geom_surface
@@ -56,7 +57,7 @@ def robot_links(model: mujoco.MjModel, rollout: Rollout, every: int) -> RobotLin
     )
 
 
-def _shapes(model: mujoco.MjModel, geom: int, rgba: NDArray[np.float32]) -> list[LinkShape]:
+def _shapes(model: mujoco.MjModel, geom: int, rgba: F32) -> list[LinkShape]:
     position, quat = model.geom_pos[geom].copy(), model.geom_quat[geom].copy()
     size = model.geom_size[geom]
     red, green, blue, alpha = (float(v) for v in rgba)

@@ -4,19 +4,18 @@ from collections.abc import Callable
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Floats
 from ...formats.core.geometry import triangle_cross, triangle_normals
 
-Array = NDArray[np.floating]
 # Corners (F, 3, 3) and unit normals at the corners (F, 3, 3).
-Surface = tuple[Array, Array]
+Surface = tuple[Floats, Floats]
 
 AROUND = 28  # segments around an axis; normals are smooth, so they show only in silhouettes
 ALONG = 7  # rings per quarter of a meridian
 
 
-def _grid_surface(points: Array, *, normals: Array) -> Surface:
+def _grid_surface(points: Floats, *, normals: Floats) -> Surface:
     """Return triangles of a (rows, columns, 3) grid of points; front faces face the normals."""
     corners, corner_normals = [], []
     for source, target in ((points, corners), (normals, corner_normals)):
@@ -30,18 +29,18 @@ def _grid_surface(points: Array, *, normals: Array) -> Surface:
     return triangles[keep], smooth[keep]
 
 
-def flat(triangles: Array) -> Surface:
+def flat(triangles: Floats) -> Surface:
     """Return triangles (F, 3, 3) with their face normals."""
     return triangles, np.repeat(triangle_normals(triangles)[:, None], 3, axis=1)
 
 
-def _unit_rings() -> tuple[Array, Array]:
+def _unit_rings() -> tuple[Floats, Floats]:
     polar = np.linspace(0.0, np.pi, 2 * ALONG + 1)
     angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)
     return polar, angle
 
 
-def _revolve(*, radius: Array, height: Array, normal_r: Array, normal_z: Array) -> Surface:
+def _revolve(*, radius: Floats, height: Floats, normal_r: Floats, normal_z: Floats) -> Surface:
     """Return the surface of revolution about z of a profile (R,) from top to bottom."""
     angle = np.linspace(0.0, 2 * np.pi, AROUND + 1)
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], -1)
@@ -51,7 +50,7 @@ def _revolve(*, radius: Array, height: Array, normal_r: Array, normal_z: Array) 
     return _grid_surface(points, normals=normals)
 
 
-def box(size: Array) -> Surface:
+def box(size: Floats) -> Surface:
     """Return a box of half sides (3,) [m]."""
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
@@ -61,7 +60,7 @@ def box(size: Array) -> Surface:
     )
 
 
-def ellipsoid(size: Array) -> Surface:
+def ellipsoid(size: Floats) -> Surface:
     """Return an ellipsoid of half axes (3,) [m]."""
     polar, angle = _unit_rings()
     unit = np.stack(
@@ -78,12 +77,12 @@ def ellipsoid(size: Array) -> Surface:
     )
 
 
-def sphere(size: Array) -> Surface:
+def sphere(size: Floats) -> Surface:
     """Return a sphere; `size` starts with its radius [m]."""
     return ellipsoid(np.full(3, size[0]))
 
 
-def capsule(size: Array) -> Surface:
+def capsule(size: Floats) -> Surface:
     """Return a capsule along z; `size` is radius and half length of the cylindrical part [m]."""
     polar, _ = _unit_rings()
     # The equator appears twice, with the wall between its two copies.
@@ -97,7 +96,7 @@ def capsule(size: Array) -> Surface:
     )
 
 
-def cylinder(size: Array) -> Surface:
+def cylinder(size: Floats) -> Surface:
     """Return a cylinder along z; `size` is radius and half length [m]."""
     radius, half = size[0], size[1]
     one, zero = np.ones(2), np.zeros(2)
@@ -111,7 +110,7 @@ def cylinder(size: Array) -> Surface:
 
 
 _GEOM = mujoco.mjtGeom
-SHAPES: dict[int, Callable[[Array], Surface]] = {
+SHAPES: dict[int, Callable[[Floats], Surface]] = {
     int(_GEOM.mjGEOM_BOX): box,
     int(_GEOM.mjGEOM_SPHERE): sphere,
     int(_GEOM.mjGEOM_ELLIPSOID): ellipsoid,

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...formats.core.arrays import F32, I64, Array
 from ...formats.core.frames import OPTICAL_TO_OPENGL, matrix_to_quat
 from ...formats.core.geometry import triangle_normals
 from .primitives import geom_surface
@@ -28,14 +29,14 @@ class GeomSurface:
     """
 
     geom: int
-    corners: NDArray[np.float32]
-    normals: NDArray[np.float32]
-    plane: NDArray[np.float64]
-    center_m: NDArray[np.float64]
+    corners: F32
+    normals: F32
+    plane: Array
+    center_m: Array
     radius_m: float
-    color_linear: NDArray[np.float32]
+    color_linear: F32
 
-    def holds(self, point_m: NDArray[np.float64], margin_m: float) -> bool:
+    def holds(self, point_m: Array, margin_m: float) -> bool:
         """Return whether a point (3,) in the frame of a convex geom lies inside, up to a margin."""
         return bool((self.plane[:, :3] @ point_m < self.plane[:, 3] + margin_m).all())
 
@@ -51,8 +52,8 @@ class RobotGeometryPose:
     """
 
     surfaces: tuple[GeomSurface, ...]
-    position_world_m: NDArray[np.float64]
-    rotation_world: NDArray[np.float64]
+    position_world_m: Array
+    rotation_world: Array
 
 
 def tessellate(model: mujoco.MjModel) -> tuple[GeomSurface, ...]:
@@ -61,7 +62,7 @@ def tessellate(model: mujoco.MjModel) -> tuple[GeomSurface, ...]:
     return tuple(_surface(model, int(geom), rgba[geom, :3]) for geom in visible_geoms(model))
 
 
-def visible_geoms(model: mujoco.MjModel) -> NDArray[np.int64]:
+def visible_geoms(model: mujoco.MjModel) -> I64:
     """Return the ids of the robot's visible geoms: groups 0–2, not fully transparent.
 
     Geoms of the world body are the floor that a robot-alone model may have, no part of the robot.
@@ -71,7 +72,7 @@ def visible_geoms(model: mujoco.MjModel) -> NDArray[np.int64]:
     return np.flatnonzero(seen)
 
 
-def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
+def geom_colors(model: mujoco.MjModel) -> F32:
     """Return the RGBA (G, 4) of each geom: its own, or its material's where it has none."""
     own, material = model.geom_rgba, model.geom_matid
     unset = (material >= 0) & (own == np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)).all(axis=1)
@@ -80,7 +81,7 @@ def geom_colors(model: mujoco.MjModel) -> NDArray[np.float32]:
     return rgba
 
 
-def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> GeomSurface:
+def _surface(model: mujoco.MjModel, geom: int, color: F32) -> GeomSurface:
     corners, normals = geom_surface(model, geom)
     face_normal = triangle_normals(corners).astype(np.float64)
     center = 0.5 * (corners.min((0, 1)) + corners.max((0, 1)))
@@ -95,7 +96,7 @@ def _surface(model: mujoco.MjModel, geom: int, color: NDArray[np.float32]) -> Ge
     )
 
 
-def bounding_boxes(surfaces: Sequence[GeomSurface]) -> NDArray[np.float64]:
+def bounding_boxes(surfaces: Sequence[GeomSurface]) -> Array:
     """Return the corners (G, 8, 3) [m] of each geom's box in its own frame.
 
     Corners are numbered by the bits x, y, z, x the highest.
@@ -148,14 +149,14 @@ class RobotBody:
         position_world_m: ArrayLike,
         quat_wxyz: ArrayLike,
         joint_position: ArrayLike,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    ) -> tuple[Array, Array]:
         """Return position (3,) [m] and optical-frame quaternion (4,) of a camera of the model."""
         self._move(position_world_m, quat_wxyz, joint_position)
         index = self.model.camera(camera).id
         rotation = self._data.cam_xmat[index].reshape(3, 3) @ OPTICAL_TO_OPENGL
         return self._data.cam_xpos[index].copy(), matrix_to_quat(rotation)
 
-    def carrier_pose(self, camera: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def carrier_pose(self, camera: str) -> tuple[Array, Array]:
         """Return position (3,) [m] and rotation (3, 3) of the body that carries a camera.
 
         It is that of the last `pose` or `camera_pose`.

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I64, Array
 from ...formats.core.camera import CameraModel
 from ...geometry.rays.packets import PacketHits, PacketScene
 from ..frame import RenderRequest
@@ -17,8 +17,6 @@ from ..kernels.data import Hits, LightArrays
 from ..kernels.shading import shade_robot
 from ..light.contact_shadow import ContactShadow
 from .robot_body import GeomSurface, bounding_boxes
-
-F32 = NDArray[np.float32]
 
 # Surface ids of robot geoms start here, downwards; scene materials are ≥ 0 and −1 is nothing.
 FIRST_ROBOT_SURFACE = -2
@@ -114,9 +112,9 @@ class RobotTracer:
     def trace(
         self,
         geom: VisibleGeom,
-        rays: NDArray[np.int64],
+        rays: I64,
         directions: F32,
-        eye_m: NDArray[np.float64],
+        eye_m: Array,
         light: LightArrays,
         hits: Hits,
     ) -> None:
@@ -149,7 +147,7 @@ class RobotTracer:
 
 
 def _rectangles(
-    view: NDArray[np.float64], camera: CameraModel
+    view: Array, camera: CameraModel
 ) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
     """Yield the geoms in view and the pixels (left, top, right, bottom) their boxes can cover.
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.arrays import F32, I32, U8
 from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import SceneBundle
 from ..kernels.data import TexturePack
@@ -31,8 +32,8 @@ class MaterialTable:
         texture: (M,) int32 index into the texture pack, −1 = none.
     """
 
-    base_linear: NDArray[np.float32]
-    texture: NDArray[np.int32]
+    base_linear: F32
+    texture: I32
     pack: TexturePack
 
 
@@ -102,7 +103,7 @@ def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
     )
 
 
-def mip_pyramid(image: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
+def mip_pyramid(image: U8) -> list[NDArray[np.uint32]]:
     """Halve `image` (H, W, 3) sRGB down to one texel, averaging areas in linear light."""
     decode = decode_table()
     roots = np.round(np.sqrt(decode) * 1023.0).astype(np.uint32)
@@ -117,13 +118,13 @@ def mip_pyramid(image: NDArray[np.uint8]) -> list[NDArray[np.uint32]]:
     return mips
 
 
-def _halve(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+def _halve(linear: F32) -> F32:
     height, width = (max(1, side // 2) for side in linear.shape[:2])
     small = cv2.resize(linear, (width, height), interpolation=cv2.INTER_AREA)
     return small.reshape(height, width, 3).astype(np.float32, copy=False)
 
 
-def _halve_bytes(image: NDArray[np.uint8], decode: NDArray[np.float32]) -> NDArray[np.float32]:
+def _halve_bytes(image: U8, decode: F32) -> F32:
     """Halve an image in strips of rows, because as floats it takes four times the memory."""
     if image.shape[0] % 2:
         return _halve(decode[image])
@@ -131,7 +132,7 @@ def _halve_bytes(image: NDArray[np.uint8], decode: NDArray[np.float32]) -> NDArr
     return np.concatenate(strips)
 
 
-def _packed(linear: NDArray[np.float32]) -> NDArray[np.uint32]:
+def _packed(linear: F32) -> NDArray[np.uint32]:
     packed = np.zeros(linear.shape[:2], dtype=np.uint32)
     for channel, shift in enumerate((0, 10, 20)):
         roots = np.round(np.sqrt(linear[..., channel]) * 1023.0).astype(np.uint32)
@@ -149,7 +150,7 @@ def _image_size(path: Path) -> tuple[int, int]:
         raise FileFormatError(path, "the texture is not an image; valid: PNG or JPEG") from error
 
 
-def _read_rgb(path: Path) -> NDArray[np.uint8]:
+def _read_rgb(path: Path) -> U8:
     image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise FileFormatError(path, "the texture is damaged; repair the scene again")

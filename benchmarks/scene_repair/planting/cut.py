@@ -5,9 +5,9 @@ from typing import Any
 
 import manifold3d
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from vlnpe.formats.core.arrays import Array, Mask
 from vlnpe.formats.core.geometry import triangle_cross
 
 from .glb import Part
@@ -19,7 +19,7 @@ SAME_M = 2e-6
 CRUMB_M2 = 1e-10
 
 
-def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
+def cut_exactly(part: Part, chosen: Mask, outline: Outline) -> Part:
     """Return the part without what lies inside the outline, seen from above.
 
     Args:
@@ -35,7 +35,7 @@ def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part
     if not near.any():
         return part
     away = _section(outline.rings)
-    pieces: list[NDArray[np.float64]] = []
+    pieces: list[Array] = []
     parents: list[int] = []
     changed = np.zeros(len(part.faces), dtype=bool)
     for face in np.flatnonzero(near):
@@ -56,7 +56,7 @@ def cut_exactly(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part
     return _rebuilt(part, changed, pieces, parents)
 
 
-def cut_whole(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
+def cut_whole(part: Part, chosen: Mask, outline: Outline) -> Part:
     """Return the part without the chosen triangles whose middle lies inside the outline."""
     middle = part.points_m[part.faces].mean(axis=1)[:, :2]
     gone = chosen.copy()
@@ -66,12 +66,12 @@ def cut_whole(part: Part, chosen: NDArray[np.bool_], outline: Outline) -> Part:
     return replace(part, faces=part.faces[~gone])
 
 
-def _section(rings: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
+def _section(rings: list[Array]) -> manifold3d.CrossSection:
     loops: Any = [np.ascontiguousarray(ring) for ring in rings]
     return manifold3d.CrossSection(loops, manifold3d.FillRule.EvenOdd)
 
 
-def _triangles(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
+def _triangles(section: manifold3d.CrossSection) -> list[Array]:
     """Return the triangles (3, 2), counter-clockwise."""
     loops: Any = section.to_polygons()
     if not len(loops):
@@ -83,8 +83,8 @@ def _triangles(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
 
 def _rebuilt(
     part: Part,
-    changed: NDArray[np.bool_],
-    pieces: list[NDArray[np.float64]],
+    changed: Mask,
+    pieces: list[Array],
     parents: list[int],
 ) -> Part:
     """Return the part with its changed faces replaced by triangles `kept` of the same planes."""
@@ -123,9 +123,7 @@ def _rebuilt(
     )
 
 
-def _barycentric(
-    triangles: NDArray[np.float64], points: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _barycentric(triangles: Array, points: Array) -> Array:
     a, b, c = (triangles[:, k] for k in range(3))
     x, y = points.T
     area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
@@ -134,7 +132,7 @@ def _barycentric(
     return np.stack([u, v, 1 - u - v], axis=1)
 
 
-def _merged(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _merged(points: Array) -> Array:
     """Return the points with those nearer than `SAME_M` made equal."""
     if not len(points):
         return points

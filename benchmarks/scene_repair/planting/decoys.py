@@ -4,12 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from vlnpe.formats.core.arrays import Array
 
 from .shapes import Outline
 
-Corner = NDArray[np.float64]
-Triangles = NDArray[np.float64]
+Corner = Array
+Triangles = Array
 
 SLAB_M, STOREY_M, RISER_M = 0.3, 2.8, 0.175
 WALL_M = 0.12

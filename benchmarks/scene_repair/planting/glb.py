@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from vlnpe.formats.core.arrays import F32, I64, Array
 from vlnpe.formats.core.frames import (
     habitat_to_world_position,
     quat_to_matrix,
@@ -44,9 +45,9 @@ class Part:
     node: int
     mesh: int
     primitive: int
-    points_m: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    others: dict[str, NDArray[np.float32]]
+    points_m: Array
+    faces: I64
+    others: dict[str, F32]
 
 
 class Glb:
@@ -90,8 +91,8 @@ class Glb:
     def add(
         self,
         name: str,
-        points_m: NDArray[np.float64],
-        faces: NDArray[np.int64],
+        points_m: Array,
+        faces: I64,
         color: tuple[float, float, float],
     ) -> None:
         """Append a node in one plain colour, positions z up."""
@@ -114,7 +115,7 @@ class Glb:
         self.tree["scenes"][self.tree.get("scene", 0)]["nodes"].append(len(self.tree["nodes"]) - 1)
         self._pose.append(np.eye(4))
 
-    def absorb(self, other: "Glb", shift_m: NDArray[np.float64]) -> None:
+    def absorb(self, other: "Glb", shift_m: Array) -> None:
         """Append everything of another file, shifted by (3,), z up."""
         self.body += b"\0" * (-len(self.body) % 4)
         start = len(self.body)
@@ -178,11 +179,11 @@ class Glb:
         self.tree["buffers"] = [{"byteLength": len(self.body)}]
         path.write_bytes(glb_bytes(self.tree, self.body))
 
-    def _poses(self) -> list[NDArray[np.float64]]:
+    def _poses(self) -> list[Array]:
         """Return (4, 4) of every node to the scene."""
         nodes = self.tree["nodes"]
         poses = [_matrix(node) for node in nodes]
-        done: list[NDArray[np.float64] | None] = [None] * len(nodes)
+        done: list[Array | None] = [None] * len(nodes)
         queue = [(k, np.eye(4)) for k in self.tree["scenes"][self.tree.get("scene", 0)]["nodes"]]
         while queue:
             k, parent = queue.pop()
@@ -221,7 +222,7 @@ class Glb:
         return len(self.tree["accessors"]) - 1
 
 
-def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
+def _matrix(node: dict[str, Any]) -> Array:
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     pose = np.eye(4)

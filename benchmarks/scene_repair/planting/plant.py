@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from vlnpe.formats.core.arrays import Array, Mask
 from vlnpe.formats.core.geometry import triangle_cross
 
-from ..site import FLOOR_BAND_M, Mask, Site, soup_of
+from ..site import FLOOR_BAND_M, Site, soup_of
 from ..vertical import Surfaces, heights_near
 from .cut import cut_exactly, cut_whole
 from .decoys import DECOYS, Decoy
@@ -134,7 +134,7 @@ def plant(
     return Planted(site, parts, built, planted)
 
 
-def floor_faces(part: Part, floor_z_m: float, band_m: float = CUT_BAND_M) -> NDArray[np.bool_]:
+def floor_faces(part: Part, floor_z_m: float, band_m: float = CUT_BAND_M) -> Mask:
     """Return (F,) nearly level faces at the floor's height."""
     corners = part.points_m[part.faces]
     near = np.abs(corners[..., 2] - floor_z_m).max(axis=1) <= band_m
@@ -241,7 +241,7 @@ def _near(site: Site, outline: Outline, within_m: float) -> Mask:
     return mask
 
 
-def _near_box(site: Site, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> Mask:
+def _near_box(site: Site, lower: Array, upper: Array) -> Mask:
     x0, y0, x1, y1 = *lower, *upper
     return _near(site, Outline([np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])]), 0.0)
 
@@ -251,7 +251,7 @@ def _free_rectangle(
     rng: np.random.Generator,
     taken: Mask,
     sizes_m: tuple[tuple[float, float], tuple[float, float]],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+) -> tuple[Array, Array] | None:
     """Return a box in plan where floor is and nothing stands, at random among the places."""
     (short_low, short_high), (long_low, long_high) = sizes_m
     free = site.true_floor & site.scanned & ~site.furniture & ~site.wall & ~taken
@@ -278,7 +278,7 @@ def _free_rectangle(
     return None
 
 
-def _ceiling(site: Site, lower: NDArray[np.float64], upper: NDArray[np.float64]) -> float:
+def _ceiling(site: Site, lower: Array, upper: Array) -> float:
     """Return the height of what hangs over the middle of a box.
 
     2.6 m above the floor if nothing does.
@@ -290,9 +290,7 @@ def _ceiling(site: Site, lower: NDArray[np.float64], upper: NDArray[np.float64])
     return float(np.median(high)) if len(high) else site.floor_z_m + 2.6
 
 
-def removed_floor(
-    site: Site, before: Surfaces, after: Surfaces, points: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def removed_floor(site: Site, before: Surfaces, after: Surfaces, points: Array) -> Array:
     """Return (N,) height of the true floor that was cut away at points (N, 2), NaN where none was.
 
     Args:

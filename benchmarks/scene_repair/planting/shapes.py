@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Rings = list[NDArray[np.float64]]
+from vlnpe.formats.core.arrays import Array, Mask
+
+Rings = list[Array]
 
 # Smallest and largest longer side of a hole.
 SMALLEST_M, LARGEST_M = 0.03, 2.0
@@ -18,7 +19,7 @@ class Outline:
 
     rings: Rings
 
-    def bounds_m(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def bounds_m(self) -> tuple[Array, Array]:
         """Lower and upper corner."""
         points = np.concatenate(self.rings)
         return points.min(axis=0), points.max(axis=0)
@@ -29,13 +30,13 @@ class Outline:
         apart = points[:, None] - points[None]
         return float(np.sqrt((apart**2).sum(axis=-1).max()))
 
-    def moved(self, by_m: NDArray[np.float64], turn_rad: float = 0.0) -> "Outline":
+    def moved(self, by_m: Array, turn_rad: float = 0.0) -> "Outline":
         """Return this turned about the origin, then shifted."""
         c, s = np.cos(turn_rad), np.sin(turn_rad)
         turn = np.array([[c, s], [-s, c]])
         return Outline([ring @ turn + by_m for ring in self.rings])
 
-    def contains(self, points_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def contains(self, points_m: Array) -> Mask:
         """Return whether points (N, 2) lie inside."""
         inside = np.zeros(len(points_m), dtype=bool)
         x, y = points_m[:, 0], points_m[:, 1]
@@ -52,7 +53,7 @@ def log_uniform(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-def disc(radius_m: float, wobble: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def disc(radius_m: float, wobble: float, rng: np.random.Generator) -> Array:
     """Return a ring (n, 2) around the origin, more or less round."""
     count = int(np.clip(2 * np.pi * radius_m / 0.03, 12, 60))
     angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
@@ -63,7 +64,7 @@ def disc(radius_m: float, wobble: float, rng: np.random.Generator) -> NDArray[np
     return np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
 
 
-def rectangle(length_m: float, width_m: float) -> NDArray[np.float64]:
+def rectangle(length_m: float, width_m: float) -> Array:
     """Return a ring (4, 2) around the origin, its longer side along x."""
     x, y = length_m / 2, width_m / 2
     return np.array([[-x, -y], [x, -y], [x, y], [-x, y]])

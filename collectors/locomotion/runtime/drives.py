@@ -2,8 +2,9 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ....formats.core.arrays import Array
 from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
 from .policy import GaitPolicy
 
@@ -41,7 +42,7 @@ class DifferentialDrive:
         """Forget the speed; call at the start of every rollout."""
         self._speed = np.zeros(2)
 
-    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return servo targets for the next 20 ms: wheel speeds [rad/s], joint positions [rad].
 
         Args:
@@ -65,7 +66,7 @@ class Still:
     def reset(self) -> None:
         """Do nothing."""
 
-    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return no targets, (0,)."""
         return np.empty(0)
 

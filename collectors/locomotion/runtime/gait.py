@@ -9,12 +9,11 @@ from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import I64, Array, Mask
 from ....formats.core.kernel import kernel
 from ...robots import POLICY_DECIMATION, TIMESTEP_S
 
-Array = NDArray[np.float64]
 # The monomials of a calibration: which of vx, vy and yaw are multiplied.
 FACTORS = tuple(f for degree in (1, 2, 3) for f in combinations_with_replacement(range(3), degree))
 RATE_HZ = 1.0 / (TIMESTEP_S * POLICY_DECIMATION)  # of the policy
@@ -33,8 +32,8 @@ class ClockState(NamedTuple):
 
     command: Array
     phase: Array
-    steps_left: NDArray[np.int64]
-    moving: NDArray[np.bool_]
+    steps_left: I64
+    moving: Mask
 
     @classmethod
     def standing(cls, count: int) -> ClockState:
@@ -62,7 +61,7 @@ class GaitTables(NamedTuple):
     feet: Array
     aim: Array
     aim_limits: Array
-    factors: NDArray[np.int64]
+    factors: I64
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ class GaitClock:
         linear, turn = self.brake_m_s2, self.brake_rad_s2
         return math.inf if linear is None else linear, math.inf if turn is None else turn
 
-    def moving(self, command: Array) -> NDArray[np.bool_]:
+    def moving(self, command: Array) -> Mask:
         """Return whether (N, 3) commands ask for walking, (N,)."""
         linear = np.hypot(command[:, 0], command[:, 1])
         return (linear > self.stand_linear_m_s) | (np.abs(command[:, 2]) > self.stand_yaw_rad_s)
@@ -138,7 +137,7 @@ class GaitClock:
         """Return (N, F) phase of each foot in [0, 1), swing below one half."""
         return (phase[:, None] + np.asarray(self.foot_offsets)) % 1.0
 
-    def reference(self, phase: Array, moving: NDArray[np.bool_], command: Array) -> Array:
+    def reference(self, phase: Array, moving: Mask, command: Array) -> Array:
         """Return (N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
         offsets = np.empty((len(phase), len(self.stand_rad)))
         refer(self.tables, phase, moving, command, offsets)

@@ -7,14 +7,13 @@ from typing import Protocol
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
+from ....formats.core.arrays import F32, I64, Floats
 from ....formats.core.errors import FileFormatError, brief
 
-Array = NDArray[np.float32]
-Layers = tuple[list[Array], list[Array]]
+Layers = tuple[list[F32], list[F32]]
 
 MAX_WIDTH = 8192
 
@@ -30,14 +29,12 @@ class Network(Protocol):
     inputs: int
     outputs: int
 
-    def run(self, observation: Array, action: Array) -> None:
+    def run(self, observation: F32, action: F32) -> None:
         """Fill `action` (N, outputs) from `observation` (N, inputs); both float32, C order."""
         ...
 
 
-def encode_layers(
-    weights: Sequence[NDArray[np.floating]], biases: Sequence[NDArray[np.floating]]
-) -> bytes:
+def encode_layers(weights: Sequence[Floats], biases: Sequence[Floats]) -> bytes:
     """Return layers as a safetensors file: `weight_0` (outputs, inputs), `bias_0`, and so on."""
     layers = enumerate(zip(weights, biases, strict=True))
     return save(
@@ -94,7 +91,7 @@ class Mlp:
     the work for a network that stands beside its mirror image.
     """
 
-    def __init__(self, weights: Sequence[Array], biases: Sequence[Array]) -> None:
+    def __init__(self, weights: Sequence[F32], biases: Sequence[F32]) -> None:
         """Prepare layers of weights (outputs, inputs) and biases (outputs,)."""
         self.inputs, self.outputs = weights[0].shape[1], weights[-1].shape[0]
         self._sizes = np.array([self.inputs, *(len(weight) for weight in weights)])
@@ -103,14 +100,14 @@ class Mlp:
         self._biases = np.concatenate(biases)
         self._work = np.zeros((2, 1, self._sizes.max()), dtype=np.float32)
 
-    def run(self, observation: Array, action: Array) -> None:
+    def run(self, observation: F32, action: F32) -> None:
         """Fill `action` (N, outputs) from `observation` (N, inputs); both float32, C order."""
         if len(observation) > self._work.shape[1]:
             self._work = np.zeros((2, len(observation), self._sizes.max()), dtype=np.float32)
         _run(observation, self._sizes, self._spans, self._weights, self._biases, self._work, action)
 
 
-def _spans(weight: Array) -> NDArray[np.int64]:
+def _spans(weight: F32) -> I64:
     """Return the first and end (outputs, 2) of the columns of each row that are not zero."""
     used = weight != 0
     first = np.where(used.any(axis=1), used.argmax(axis=1), 0)

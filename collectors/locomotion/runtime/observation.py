@@ -10,10 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ....formats.core.kernel import kernel
 from ...robots import RobotHandles
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import F32
 from ....formats.core.errors import FileFormatError, MissingExtraError, brief
-
-Array = NDArray[np.float32]
 
 EXTRA = "onnxruntime"
 
@@ -54,7 +52,7 @@ class OnnxNetwork:
         self.inputs = _width(path, "input", "observation", self._session.get_inputs())
         self.outputs = _width(path, "output", "action", self._session.get_outputs())
 
-    def run(self, observation: Array, action: Array) -> None:
+    def run(self, observation: F32, action: F32) -> None:
         """Fill `action` (N, outputs) from `observation` (N, inputs)."""
         action[:] = np.asarray(self._session.run(["action"], {"observation": observation})[0])
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ....formats.core.arrays import Array
 from ....formats.core.errors import FileFormatError
 from ....formats.untrusted.files import read_input
 from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
@@ -19,7 +20,6 @@ from .step import GaitStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
 
-Array = NDArray[np.float64]
 MAX_NETWORK_BYTES = 256 << 20
 
 
@@ -82,7 +82,7 @@ class GaitPolicy:
         if self._step is not None:
             self._step.reset()
 
-    def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return joint position targets [rad] for the next 20 ms, to be written to `ctrl`.
 
         Args:
@@ -114,7 +114,7 @@ class GaitPolicy:
         card = self.card
         return GaitStep(qpos, qvel, handles, card.gait, self.robot.command_limits, card.past)
 
-    def infer(self, observation: NDArray[np.float64]) -> NDArray[np.float64]:
+    def infer(self, observation: Array) -> Array:
         """Return the actions (N, J) for observations (N, D) in the layout of `observation.py`.
 
         Stateless.

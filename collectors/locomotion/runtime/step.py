@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from ....formats.core.arrays import Array, Floats
 from ....formats.core.kernel import kernel
 from ...robots import CommandLimits, RobotHandles
 from .gait import ClockState, GaitClock, GaitTables, aim_at, refer, tick
 from .observation import Places, layout, observe
-
-Array = NDArray[np.float64]
 
 
 class GaitStep:
@@ -70,7 +69,7 @@ class GaitStep:
     def _memory(self) -> tuple[NDArray, ...]:
         return (*self.clock, self.action, self.observation, self._remembers)
 
-    def observe(self, command: ArrayLike) -> NDArray[np.floating]:
+    def observe(self, command: ArrayLike) -> Floats:
         """Advance the clocks under commands (N, 3) in the base frame; return the observations."""
         self._command[:] = command
         _advance(
@@ -79,7 +78,7 @@ class GaitStep:
         )  # fmt: skip
         return self.observation
 
-    def targets(self, output: NDArray[np.floating], clip: float) -> Array:
+    def targets(self, output: Floats, clip: float) -> Array:
         """Return servo targets (N, J) [rad]: default pose, reference and clipped outputs (N, P)."""
         targets = self._default + self._reference
         _add_action(output, clip, self._scale_rad, self.action, targets)

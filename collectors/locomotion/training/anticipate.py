@@ -22,6 +22,7 @@ import torch
 import tyro
 from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array, Mask
 from ....formats.core.atomic import atomic_file
 from ...robots import POLICY_DECIMATION, RobotSpec, get_robot
 from ..runtime.card import PolicyCard
@@ -32,7 +33,7 @@ from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
 from .correction import PAST, Corrected, Correction, Samples, beside
-from .export import Array, install, layers_of, plain_card
+from .export import install, layers_of, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
 
 log = logging.getLogger(__name__)
@@ -87,7 +88,7 @@ def walks(
 
 
 def _lessons(
-    gait: GaitPolicy, seen: Samples, done: Samples, up: NDArray[np.bool_], late: NDArray[np.intp]
+    gait: GaitPolicy, seen: Samples, done: Samples, up: Mask, late: NDArray[np.intp]
 ) -> tuple[Samples, Samples]:
     """Return observations (K, D) of T steps of N robots, and what lacked in the actions (K, P).
 

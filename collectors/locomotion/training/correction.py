@@ -2,14 +2,14 @@
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import F32, Array
 from ...robots import RobotSpec
 from ..runtime.network import Network
-from .export import Array, folded_layers, with_mirror_image
+from .export import folded_layers, with_mirror_image
 from .mirror import Symmetry
 
-Samples = NDArray[np.float32]
+Samples = F32
 
 PAST = 5  # steps of 20 ms that the network sees beyond the last
 HIDDEN = 128

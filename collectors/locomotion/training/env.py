@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rsl_rl.env import VecEnv
 from tensordict import TensorDict
 
+from ....formats.core.arrays import Array, Mask
 from ...robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
 from ...robots.parts import UNLIMITED
 from ..runtime.observation import layout, states_of
@@ -23,7 +24,6 @@ from .randomize import draw_latency, randomize_models
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .schedule import Schedule
 
-Array = NDArray[np.float64]
 # Where the critic sees the ground, ahead and left of the base.
 AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])
 
@@ -223,7 +223,7 @@ class GaitEnv(VecEnv):
             foot_speed_m_s=speed,
         )
 
-    def _fallen(self, facts: StepFacts) -> NDArray[np.bool_]:
+    def _fallen(self, facts: StepFacts) -> Mask:
         height = self._com[:, self.handles.root_body, 2] - self._sole_z.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1) | (np.abs(self._qvel).max(axis=1) > 100)
         return broken | fallen(facts.gravity, height, self.robot.fall, self.config.fall_slack)
@@ -258,7 +258,7 @@ class GaitEnv(VecEnv):
         self,
         facts: StepFacts,
         terms: dict[str, Array],
-        fell: NDArray[np.bool_],
+        fell: Mask,
         reward: Array,
     ) -> None:
         walking = facts.moving & (self._age > 50)
@@ -278,5 +278,5 @@ class GaitEnv(VecEnv):
             self.statistics.setdefault(name, []).append(value)
 
 
-def _mean(values: Array, where: NDArray[np.bool_]) -> float:
+def _mean(values: Array, where: Mask) -> float:
     return float(values[where].mean()) if where.any() else 0.0

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ....formats.core.atomic import write_bytes
 from ...robots import RobotSpec
 from ..runtime.card import PolicyCard, load_card, save_card
@@ -21,8 +21,6 @@ from ..runtime.policy import policy_files
 from .config import TrainingConfig
 from .gaits import GAITS
 from .mirror import Symmetry
-
-Array = NDArray[np.float64]
 
 
 def encode_actor(actor: Any, mirror: Symmetry | None = None) -> bytes:

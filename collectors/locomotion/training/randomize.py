@@ -4,10 +4,9 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ...robots import RobotHandles
 from .config import TrainingConfig
-
-Array = NDArray[np.float64]
 
 # Kinds of command and how often they come: a navigating robot mostly goes straight, turns on the
 # spot, or does both at once, and stops in between.
@@ -32,7 +31,7 @@ def sample_actions(rng: np.random.Generator, count: int) -> Array:
 
 def randomize_models(
     batch: Batch, handles: RobotHandles, config: TrainingConfig, rng: np.random.Generator
-) -> NDArray[np.float64]:
+) -> Array:
     """Draw friction, masses, centre of mass and servo gains for every simulation, once.
 
     Returns:

@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array, Mask
 from .config import TrainingConfig
-
-Array = NDArray[np.float64]
 
 SMOOTHNESS_TERMS = frozenset(
     {"torque", "joint_acceleration", "action_rate", "action_jerk", "roll_pitch_rate"}
@@ -23,7 +21,7 @@ class StepFacts:
     """
 
     command: Array  # (N, 3)
-    moving: NDArray[np.bool_]  # (N,)
+    moving: Mask  # (N,)
     linear_velocity: Array  # (N, 3)
     angular_velocity: Array  # (N, 3)
     linear_mean: Array  # (N, 2)
@@ -38,7 +36,7 @@ class StepFacts:
     previous_action: Array
     older_action: Array
     foot_phase: Array  # (N, F) in cycles, swing below one half
-    foot_contact: NDArray[np.bool_]  # (N, F)
+    foot_contact: Mask  # (N, F)
     foot_height_m: Array  # (N, F) sole above the ground
     foot_speed_m_s: Array  # (N, F) horizontal
 
@@ -51,7 +49,7 @@ class BodyFacts:
     default_joint_rad: Array  # (J,)
     stand_joint_rad: Array  # (J,)
     joint_range_rad: Array  # (J, 2)
-    sideways: NDArray[np.bool_]  # (J,) joints about other axes than y
+    sideways: Mask  # (J,) joints about other axes than y
 
 
 def _closeness(squared_error: Array, widths: tuple[float, ...]) -> Array:

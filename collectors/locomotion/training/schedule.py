@@ -3,13 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.arrays import I64, Array
 from ...robots import RobotSpec
 from ..trials.aim import command_bounds
 from ..trials.trial import STEP_S
 from .config import TrainingConfig
 from .randomize import sample_commands
 
-Array = NDArray[np.float64]
 NEAR_S = 0.4  # what comes later than this hardly matters to the critic yet
 
 
@@ -33,7 +33,7 @@ class Schedule:
         self._next_command_s, self._upcoming_s = np.zeros(n), np.zeros(n)
         self.kick, self._next_push_s = np.zeros((n, 2)), np.zeros(n)
 
-    def reset(self, ids: NDArray[np.intp], age: NDArray[np.int64]) -> None:
+    def reset(self, ids: NDArray[np.intp], age: I64) -> None:
         """Restart the schedule of robots `ids`, whose age is 0."""
         self.target[ids] = 0.0
         self._next_command_s[ids] = 0.0
@@ -42,7 +42,7 @@ class Schedule:
         self._draw_command(ids)
         self.change_commands(age)
 
-    def change_commands(self, age: NDArray[np.int64]) -> None:
+    def change_commands(self, age: I64) -> None:
         """Give new commands to the robots whose time has come."""
         due = np.flatnonzero(age * STEP_S >= self._next_command_s)
         if not len(due):
@@ -51,7 +51,7 @@ class Schedule:
         self._next_command_s[due] = age[due] * STEP_S + self._upcoming_s[due]
         self._draw_command(due)
 
-    def kicks(self, age: NDArray[np.int64]) -> tuple[NDArray[np.intp], Array]:
+    def kicks(self, age: I64) -> tuple[NDArray[np.intp], Array]:
         """Return the robots (K,) whose time for a kick has come, and their kicks (K, 2)."""
         due = np.flatnonzero(age * STEP_S >= self._next_push_s)
         kicks = self.kick[due]
@@ -61,7 +61,7 @@ class Schedule:
             self._draw_kick(due)
         return due, kicks
 
-    def future(self, age: NDArray[np.int64], kick: Array) -> Array:
+    def future(self, age: I64, kick: Array) -> Array:
         """Return (N, 10) command, next command and `kick`, weighted by how near these are."""
         soon, kick_soon = (
             np.exp(-np.maximum(at - age * STEP_S, 0.0) / NEAR_S)[:, None]

@@ -9,15 +9,15 @@ from dataclasses import replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ....formats.core.arrays import I64, Array, Mask
 from ...robots import CommandLimits
 from ...robots.parts import UNLIMITED
 from ..runtime.gait import GaitClock, monomials
 from ..runtime.policy import GaitPolicy
 from .trial import STEP_S, Conditions, Trial
 
-Array = NDArray[np.float64]
 POINTS, SECONDS, WARM_UP_S, ROUNDS = 5, 5.0, 2.0, 5
 # Late actions cost more than early ones gain: between none and 20 ms, nearer to the latter.
 LATENCY_SUBSTEPS = 3
@@ -74,9 +74,7 @@ def aimed(policy: GaitPolicy, most: Array, points: int = POINTS, rounds: int = R
     )
 
 
-def _mean_velocity(
-    policy: GaitPolicy, gait: GaitClock, commands: Array
-) -> tuple[Array, NDArray[np.bool_]]:
+def _mean_velocity(policy: GaitPolicy, gait: GaitClock, commands: Array) -> tuple[Array, Mask]:
     """Return mean velocities (N, 3) under constant commands (N, 3), and who is still up (N,)."""
     n = len(commands)
     free = policy.changed(
@@ -93,7 +91,7 @@ def _mean_velocity(
     return np.mean(velocity, axis=0), ~trial.fallen
 
 
-def _fit(target: Array, extra: Array, factors: NDArray[np.int64]) -> Array:
+def _fit(target: Array, extra: Array, factors: I64) -> Array:
     """Return coefficients (3, K) of `monomials` of targets (N, 3) that give what to add (N, 3)."""
     terms = monomials(target, factors)
     # Under a reflection of y, vy and yaw change sign; vx must not, and they must.

@@ -7,8 +7,8 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ....formats.core.frames import wrap_angle
 from ....formats.core.geometry import distances_to_path
 from ....formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
@@ -22,8 +22,6 @@ from ..runtime.coasting import coasting_of
 from ..runtime.policy import GaitPolicy
 from .measures import quantile
 from .trial import STEP_S, Conditions, Trial
-
-Array = NDArray[np.float64]
 
 CONTROL_HZ = 100  # `Trial` reads two poses per step of 20 ms
 REST_S = 2.5  # a robot must still stand so long after it stopped

@@ -4,15 +4,13 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array, Mask
 from ...robots import POLICY_DECIMATION, RobotSpec
 from ..runtime.coasting import measure_turn_lag
 from ..runtime.policy import GaitPolicy
 from .terrain import Terrain
 from .trial import STEP_S, Conditions, Trial
-
-Array = NDArray[np.float64]
 
 # Of the stops.
 SPEEDS_M_S = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
@@ -191,7 +189,7 @@ def stops(
 
 def _stop(
     policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
-) -> tuple[NDArray[np.bool_], Array, Array]:
+) -> tuple[Mask, Array, Array]:
     """Return which robots fell (N,), time to rest [s] and displacement [m]."""
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))

@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-Array = NDArray[np.float64]
+from ....formats.core.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array, Mask
 from ....formats.core.frames import quat_to_yaw
 from ...robots import (
     POLICY_DECIMATION,
@@ -21,7 +22,6 @@ from ..runtime.observation import RobotState, states_of
 from ..runtime.policy import GaitPolicy
 from .terrain import Terrain
 
-Array = NDArray[np.float64]
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
 TOUCH_N = 1.0  # as in a rollout's record
 FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground with it
@@ -56,9 +56,7 @@ class Conditions:
         )
 
 
-def fallen(
-    gravity: Array, com_height_m: Array, fall: FallThresholds, slack: float = 1.0
-) -> NDArray[np.bool_]:
+def fallen(gravity: Array, com_height_m: Array, fall: FallThresholds, slack: float = 1.0) -> Mask:
     """Return which of N robots are beyond the thresholds, for roll and pitch times `slack`.
 
     Args:
@@ -168,11 +166,11 @@ class Trial:
         self.time_s = 0.0
 
     @property
-    def going(self) -> NDArray[np.bool_]:
+    def going(self) -> Mask:
         """(N,) robots that still take part."""
         return ~self.fallen & ~self._gone
 
-    def leave(self, robots: NDArray[np.bool_]) -> None:
+    def leave(self, robots: Mask) -> None:
         """Let the robots marked in (N,) take part no more."""
         self._gone |= robots
 
@@ -264,7 +262,7 @@ class Trial:
         count = both.sum(axis=-1)
         return np.where(count > 0, speed.sum(axis=-1) / np.maximum(count, 1), np.nan)
 
-    def _falls(self) -> NDArray[np.bool_]:
+    def _falls(self) -> Mask:
         lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
         height = self._com[:, self.handles.root_body, 2] - lowest.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1)
@@ -289,4 +287,4 @@ class _Soles:
 
     position_m: Array
     axes: Array
-    touching: NDArray[np.bool_]
+    touching: Mask

@@ -9,8 +9,8 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Floats
 from ....formats.core.atomic import atomic_folder, write_json
 from ....formats.core.errors import InputError
 from ..spec import RobotSpec
@@ -132,7 +132,7 @@ def exact_mjcf(spec: mujoco.MjSpec) -> str:
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _write_exactly(element: ElementTree.Element, exact: dict[str, NDArray[np.floating]]) -> None:
+def _write_exactly(element: ElementTree.Element, exact: dict[str, Floats]) -> None:
     """Replace the rounded numbers in an element's attributes by the exact ones."""
     for key, values in exact.items():
         if key not in element.attrib:
@@ -148,7 +148,7 @@ def _shortest(value: np.floating) -> str:
     return np.format_float_positional(value, trim="-") if abs(value) > 1e-4 else repr(float(value))
 
 
-def _columns(model: mujoco.MjModel) -> dict[str, dict[str, NDArray[np.floating]]]:
+def _columns(model: mujoco.MjModel) -> dict[str, dict[str, Floats]]:
     """Return arrays of the compiled model by MJCF tag and attribute, one row for each element."""
     m, joints = model, model.jnt_dofadr
     return {

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ....formats.core.errors import FileFormatError
 from ..parts import Foot
 from .facts import FACTS_NAME
@@ -106,7 +106,7 @@ def _add_sensors(
         if name not in sensors:
             add(name, kind, "vlnpe_imu")
     geoms = {geom.name: geom for geom in spec.geoms}
-    places: dict[str, tuple[NDArray[np.float64], float]] = {}
+    places: dict[str, tuple[Array, float]] = {}
     for foot in feet:
         for sole in foot.soles:
             if sole not in geoms:
@@ -132,7 +132,7 @@ def _add_sensors(
         add(touch, mujoco.mjtSensor.mjSENS_TOUCH, touch)
 
 
-def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[NDArray[np.float64], float]]:
+def _places(path: Path, spec: mujoco.MjSpec) -> dict[str, tuple[Array, float]]:
     """Return the position in its body [m] and the bounding radius [m] of every geom by name.
 
     The model is compiled because frames and `fromto` are resolved by the compiler.
