@@ -1,4 +1,4 @@
-"""Publish a LeRobot dataset on the Hugging Face hub: plan, check, upload, tag."""
+"""Publish a LeRobot dataset or environment on the Hugging Face hub: plan, check, upload, tag."""
 
 import hashlib
 import os
@@ -22,8 +22,12 @@ REPO = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
 TAG = re.compile(r"[A-Za-z][A-Za-z0-9._-]{0,95}")
 # LeRobot takes tags that look like versions to be versions of the format.
 VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
+DATASET, ENV = "dataset", "model"  # kinds of repositories; LeRobot looks for env.py in the latter
 # Of an earlier release; replaced as a whole.
-OURS = ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"]
+OURS = {
+    DATASET: ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"],
+    ENV: ["scenes/*", "robots/*"],
+}
 
 
 Hub = Any  # `huggingface_hub.HfApi`, or a stand-in
@@ -44,6 +48,7 @@ class Release:
         files: size [bytes] by path in the repository.
         content_sha256: of all paths and contents.
         refusals: why the scenes' licences do not let the data be published; empty when they do.
+        kind: of the repository, `DATASET` or `ENV`.
     """
 
     root: Path
@@ -53,12 +58,18 @@ class Release:
     files: Mapping[str, int]
     content_sha256: str
     refusals: tuple[str, ...]
+    kind: str = DATASET
+
+    @property
+    def address(self) -> str:
+        """Return the path of the repository on the hub."""
+        return f"datasets/{self.repo}" if self.kind == DATASET else self.repo
 
     @property
     def url(self) -> str:
         """Return the address of the release."""
         endpoint = os.environ.get("HF_ENDPOINT", "https://huggingface.co").rstrip("/")
-        return f"{endpoint}/datasets/{self.repo}/tree/{self.tag}"
+        return f"{endpoint}/{self.address}/tree/{self.tag}"
 
     @property
     def named_by_content(self) -> bool:
@@ -90,6 +101,28 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
         InputError: a name the hub does not take.
         FileFormatError: no whole LeRobot dataset.
     """
+    read_info(root)
+    if not (root / CARD).is_file():
+        raise FileFormatError(
+            root / CARD, f"missing; a dataset is not published without its card; {EDITED_ADVICE}"
+        )
+    path = root / PROVENANCE_PATH
+    scenes = read_json_object(path).get("scenes") if path.is_file() else None
+    return released(root, repo, tag, private, scenes=scenes, kind=DATASET)
+
+
+def released(
+    root: Path, repo: str, tag: str | None, private: bool, *, scenes: Any, kind: str
+) -> Release:
+    """Return the release of a folder; see `plan_release`.
+
+    Args:
+        scenes: Facts of the source of each scene by name, of which `licence` matters.
+        kind: `DATASET` or `ENV`.
+
+    Raises:
+        InputError: If the Hub does not take a name.
+    """
     if not REPO.fullmatch(repo):
         raise InputError(f"--repo {repo!r}: valid: user/name of letters, digits, '-', '_' and '.'")
     if tag is not None and (not TAG.fullmatch(tag) or VERSION_LIKE.fullmatch(tag)):
@@ -97,16 +130,10 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
             f"--tag {tag!r}: valid: letters, digits, '-', '_' and '.', beginning with a letter, "
             "and not a version number, which LeRobot reads as its format version"
         )
-    read_info(root)
-    if not (root / CARD).is_file():
-        raise FileFormatError(
-            root / CARD, f"missing; a dataset is not published without its card; {EDITED_ADVICE}"
-        )
     files = {path.relative_to(root).as_posix(): path.stat().st_size for path in _files(root)}
     content = _content(root, files)
-    return Release(
-        root, repo, tag or content_tag(content), private, files, content, _refusals(root)
-    )
+    tag = tag or content_tag(content)
+    return Release(root, repo, tag, private, files, content, _refusals(scenes), kind)
 
 
 def demand_licence(release: Release) -> None:
@@ -135,9 +162,9 @@ def upload(release: Release, hub: Hub = None) -> Upload:
         HubError: the hub refused, or could not be reached.
     """
     hub = hub or _hub()
-    kind = {"repo_type": "dataset"}
+    kind = {"repo_type": release.kind}
     try:
-        taken = _tags(hub, release.repo) if hub.repo_exists(release.repo, **kind) else {}
+        taken = _tags(hub, release) if hub.repo_exists(release.repo, **kind) else {}
         if release.tag in taken:
             if release.named_by_content:
                 return Upload(taken[release.tag], new=False)
@@ -151,13 +178,14 @@ def upload(release: Release, hub: Hub = None) -> Upload:
             folder_path=str(release.root),
             commit_message=f"Release {release.tag}",
             allow_patterns=list(release.files),
-            delete_patterns=OURS,
+            delete_patterns=OURS[release.kind],
             **kind,
         ).oid
         # LeRobot looks for this tag; it names the format of the newest data, and moves with it.
-        if CODEBASE_VERSION in taken:
-            hub.delete_tag(release.repo, tag=CODEBASE_VERSION, **kind)
-        hub.create_tag(release.repo, tag=CODEBASE_VERSION, revision=commit, **kind)
+        if release.kind == DATASET:
+            if CODEBASE_VERSION in taken:
+                hub.delete_tag(release.repo, tag=CODEBASE_VERSION, **kind)
+            hub.create_tag(release.repo, tag=CODEBASE_VERSION, revision=commit, **kind)
         hub.create_tag(release.repo, tag=release.tag, revision=commit, **kind)
     except VlnpeError:
         raise
@@ -166,9 +194,9 @@ def upload(release: Release, hub: Hub = None) -> Upload:
     return Upload(str(commit), new=True)
 
 
-def _tags(hub: Hub, repo: str) -> dict[str, str]:
+def _tags(hub: Hub, release: Release) -> dict[str, str]:
     """Return the commit of each tag."""
-    refs = hub.list_repo_refs(repo, repo_type="dataset").tags
+    refs = hub.list_repo_refs(release.repo, repo_type=release.kind).tags
     return {ref.name: str(ref.target_commit) for ref in refs}
 
 
@@ -216,9 +244,7 @@ def _content(root: Path, files: Mapping[str, int]) -> str:
     return state.hexdigest()
 
 
-def _refusals(root: Path) -> tuple[str, ...]:
-    path = root / PROVENANCE_PATH
-    scenes = read_json_object(path).get("scenes") if path.is_file() else None
+def _refusals(scenes: Any) -> tuple[str, ...]:
     if not isinstance(scenes, dict) or not scenes:
         return (f"{PROVENANCE_PATH} names no scene, so {why_not(UNKNOWN)}",)
     found = {

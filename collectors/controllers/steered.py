@@ -84,7 +84,7 @@ class SteeredConfig:
 class SteeredController:
     """See the module; satisfies `Controller`."""
 
-    rate_hz = 50
+    rate_hz = 100  # an action ends where a frame of a dataset does, after 0.25 s
 
     def __init__(self, task: Task, steerer: Steerer, config: SteeredConfig | None = None) -> None:
         self._task, self._steerer = task, steerer

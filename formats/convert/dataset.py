@@ -60,7 +60,7 @@ def open_dataset(root: Path) -> Dataset:
     Raises:
         FileFormatError: no LeRobot v3.0 dataset, damaged, or without vlnpe's episode columns.
     """
-    info = read_info(root)
+    info = _read_info(root)
     check_links(root)
     numbers: list[int] = []
     for path in episode_files(root):
@@ -79,6 +79,13 @@ def open_dataset(root: Path) -> Dataset:
     return Dataset(root, info, tuple(sorted(numbers)), facts_of(root, info))
 
 
+def _read_info(root: Path) -> dict[str, Any]:
+    """Return info.json without language columns, which are made of the episode columns."""
+    info = read_info(root)
+    features = {k: f for k, f in info["features"].items() if f["dtype"] != "language"}
+    return info | {"features": features}
+
+
 def read_facts(root: Path) -> DatasetFacts:
     """Return what belongs to the dataset as a whole.
 
@@ -94,7 +101,7 @@ def extract_unit(root: Path, number: int, folder: Path) -> None:
     Raises:
         FileFormatError: the dataset is damaged, or has no such episode.
     """
-    info = read_info(root)
+    info = _read_info(root)
     features, rate = info["features"], int(info["fps"])
     row = _episode_row(root, number)
     try:

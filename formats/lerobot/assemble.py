@@ -17,6 +17,7 @@ from ..video.mux import concatenate_videos
 from .card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
 from .episode_columns import camera_of
 from .film_strip import film_strip, shown_units
+from .language import COLUMN, FEATURES, language_column, with_language
 from .layout import (
     CODEBASE_VERSION,
     DATA_PATH,
@@ -26,6 +27,7 @@ from .layout import (
     STATS_PATH,
     TASKS_PATH,
     VIDEO_PATH,
+    Features,
     FileLimits,
     FilePlace,
     row_schema,
@@ -60,6 +62,7 @@ def assemble_dataset(
     licence: str,
     title: str,
     limits: FileLimits = FileLimits(),  # noqa: B008 (frozen)
+    language: bool = False,
 ) -> DatasetSummary:
     """Write the dataset folder `out`, replaced as a whole, with one episode per unit, in order.
 
@@ -72,6 +75,7 @@ def assemble_dataset(
             `scenes` (name → its source's facts) gives the card its licences, and training
             episodes in `held_out_scenes` are published as validation.
         licence: Licence identifier for the card of scenes without one.
+        language: Add the column of `language`, which LeRobot older than 0.6 cannot read.
 
     Raises:
         ValueError: no unit.
@@ -89,6 +93,7 @@ def assemble_dataset(
         total, tasks, splits = StatisticsSum(), _Tasks(), _Splits(provenance)
         frames, texts = 0, set[str]()
         schema = row_schema(first.features)
+        schema = with_language(schema) if language else schema
         with (
             RollingParquet(root, DATA_PATH, limits) as rows,
             EpisodeTable(root, limits) as episodes,
@@ -103,6 +108,9 @@ def assemble_dataset(
                 table = unit.rows()
                 for key, values in own.items():
                     table = table.append_column(key, pa.array(values, pa.int64()))
+                if language:
+                    spoken = language_column(unit.columns, unit.task, unit.length)
+                    table = table.append_column(COLUMN, spoken)
                 data = rows.write(_conform(table, schema, folder))
                 statistics = unit.statistics | {
                     key: column_statistics(values) for key, values in own.items()
@@ -130,7 +138,8 @@ def assemble_dataset(
                 frames += unit.length
                 texts.update(unit.columns["instructions"])
         summary = DatasetSummary(len(units), frames, len(tasks.names))
-        info = _info(first, summary, limits)
+        features = first.features | (FEATURES if language else {})
+        info = _info(first, features, summary, limits)
         _write(root / INFO_PATH, info)
         _write(root / STATS_PATH, total.result())
         _write(root / SPLITS_PATH, splits.episodes)
@@ -272,11 +281,13 @@ def _conform(table: pa.Table, schema: pa.Schema, folder: Path) -> pa.Table:
         raise FileFormatError(folder, f"frame rows do not fit the features ({error})") from error
 
 
-def _info(first: EpisodeUnit, summary: DatasetSummary, limits: FileLimits) -> dict[str, Any]:
+def _info(
+    first: EpisodeUnit, features: Features, summary: DatasetSummary, limits: FileLimits
+) -> dict[str, Any]:
     return {
         "codebase_version": CODEBASE_VERSION,
         "fps": first.frames_per_second,
-        "features": first.features,
+        "features": features,
         "total_episodes": summary.episodes,
         "total_frames": summary.frames,
         "total_tasks": summary.tasks,

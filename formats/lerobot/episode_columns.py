@@ -10,6 +10,7 @@ from ..core.camera import CameraModel, DepthRange
 from ..core.rollout import Metrics, Rollout
 from ..rendered.table import FrameTable, StartFrame
 from ..vlnce.groups import instruction_ids
+from .language import subtasks
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))
@@ -24,6 +25,8 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "split": pa.string(),  # as published; the unit's, and the uid, have that of its source
     "instructions": _STRINGS,
     "instruction_episode_ids": _STRINGS,  # the source's episode of each instruction
+    "subtasks": _STRINGS,  # parts of the instruction that the robot came to
+    "subtask_from_s": _FLOATS,  # since when
     "reference_path_world_m": _FLOATS,  # x, y, z of each point in turn
     "start_position_world_m": _FLOATS,
     "start_yaw_world_rad": pa.float64(),
@@ -56,6 +59,8 @@ LATER_COLUMNS: dict[str, Any] = {
     "metrics/recovered": False,
     "metrics/down": False,
     "instruction_episode_ids": [],
+    "subtasks": [],
+    "subtask_from_s": [],
 }
 
 
@@ -71,6 +76,7 @@ def episode_columns(
     episode = rollout.episode
     start = StartFrame.of(rollout)
     ids = instruction_ids(episode)
+    parts, from_s = subtasks(rollout, table.sample_index)
     return {
         "episode_uid": f"{episode.split}/{episode.scene_id}/{episode.episode_id}",
         "episode_id": episode.episode_id,
@@ -80,6 +86,8 @@ def episode_columns(
         "split": episode.split,
         "instructions": list(instructions),
         "instruction_episode_ids": ids if len(ids) == len(instructions) else [],
+        "subtasks": parts,
+        "subtask_from_s": from_s,
         "reference_path_world_m": episode.reference_path_world_m.ravel().tolist(),
         "start_position_world_m": episode.start_position_world_m.tolist(),
         "start_yaw_world_rad": float(episode.start_yaw_rad),

@@ -57,6 +57,7 @@ def run(options: Collect) -> int:
         options.depth,
         options.mcap,
         _also(options.also),
+        options.language_columns,
     )
     drawing = (options.camera, options.light, options.renderer)
     overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)

@@ -45,6 +45,7 @@ class Product:
         rgb_codec: key of `formats.video.RGB_CODECS`.
         depth_storage: what `export.check_depth_storage` takes.
         also: layouts of trainers, keys of `LAYOUTS`.
+        language: Give datasets LeRobot's language column.
     """
 
     frames_per_second: int
@@ -54,6 +55,7 @@ class Product:
     depth_storage: str
     mcap: bool = True
     also: tuple[str, ...] = ()
+    language: bool = False
 
 
 def select_current(
@@ -143,6 +145,7 @@ def collect(
             folder.scenes,
             dataset,
             {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
+            product.language,
         )
         run.summaries.extend(summaries)
         units = summaries[0].good() if summaries[-1].good() else {}

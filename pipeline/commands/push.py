@@ -1,11 +1,14 @@
-"""`vlnpe push`: publish a dataset on the Hugging Face Hub; a dry run by default."""
+"""`vlnpe push`: publish a dataset or environment on the Hugging Face Hub; a dry run by default."""
 
 import json
 import sys
 from dataclasses import asdict
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from ..options.results import Push
 from ..publish import CARD, Hub, Release, demand_licence, plan_release, upload
+from ..publish_env import plan_env
 
 MEBIBYTE = 1024 * 1024
 
@@ -18,7 +21,14 @@ def run_push(options: Push, hub: Hub = None) -> int:
             tag already exists.
         HubError: If the Hub refuses the upload or cannot be reached.
     """
-    release = plan_release(options.dataset, options.repo, options.tag, options.private)
+    target = (options.repo, options.tag, options.private)
+    if options.env is None:
+        return _push(options, plan_release(options.dataset, *target), hub)
+    with TemporaryDirectory(prefix="vlnpe-env-") as folder:
+        return _push(options, plan_env(Path(folder), options.dataset, options.env, *target), hub)
+
+
+def _push(options: Push, release: Release, hub: Hub) -> int:
     if not options.json:
         sys.stdout.write(_shown(release, options.licence_ok))
     if not options.licence_ok:
@@ -40,7 +50,7 @@ def _shown(release: Release, licence_ok: bool) -> str:
     total = sum(release.files.values())
     card = (release.root / CARD).read_text().split("---")[1].strip()
     lines = [
-        f"repository  datasets/{release.repo}" + (" (private, if new)" if release.private else ""),
+        f"repository  {release.address}" + (" (private, if new)" if release.private else ""),
         f"release     {release.tag}, which must not exist there yet",
         f"content     {release.content_sha256}",
         f"files       {len(release.files)}, {total / MEBIBYTE:.1f} MiB",

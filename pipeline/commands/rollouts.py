@@ -142,7 +142,7 @@ def run_export(options: Export) -> int:
                 depth_storage=options.depth,
                 per_instruction=options.per_instruction,
             )
-            summaries += export.run(context, items, folder, dataset, {})
+            summaries += export.run(context, items, folder, dataset, {}, options.language_columns)
     return _print_summary(options, summaries)
 
 

@@ -38,7 +38,7 @@ class Doctor(Printing):
 
 @dataclass(frozen=True)
 class Push(Printing):
-    """Publish a LeRobot dataset on the Hugging Face Hub under an immutable tag.
+    """Publish a LeRobot dataset or environment on the Hugging Face Hub under an immutable tag.
 
     Without --yes, show what would be uploaded; nothing is uploaded and the network is not used.
     """
@@ -47,6 +47,9 @@ class Push(Printing):
     """Dataset folder, e.g. runs/<name>/lerobot/<dataset>."""
     repo: str
     """Target repository on the Hub: user/name."""
+    env: str | None = None
+    """Publish an environment for LeRobot instead of the dataset: the scenes and episodes of this
+    split of the dataset's run, with its robot and camera."""
     tag: str | None = None
     """Tag of the release; by default derived from the digest of the content."""
     private: bool = False

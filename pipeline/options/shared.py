@@ -163,3 +163,6 @@ class DatasetFormat:
     """Export only successful episodes. By default all are exported, each with its end reason."""
     depth: str = "video"
     """Depth storage in LeRobot datasets: video (lossless, 12-bit codes) or image (16-bit, mm)."""
+    language_columns: bool = False
+    """Add LeRobot's language column: all texts of a path, and the parts of its instruction with
+    their times. LeRobot reads it since 0.6."""

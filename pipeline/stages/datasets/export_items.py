@@ -77,6 +77,7 @@ def run(
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
+    language: bool = False,
 ) -> list[StageSummary]:
     """Export one robot's rendered episodes: units, MCAP files, and the dataset of the units.
 
@@ -87,13 +88,14 @@ def run(
         items: the return value of `items`.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
+        language: give the dataset LeRobot's language column.
     """
     out = context.ledger.root
     summaries = [run_stage(context, stage, items[stage], dataset.scope) for stage in items]
     # The folder of MCAP files is handed on as it is.
     context.ledger.discard(MCAP_STAGE, dataset.scope)
     units = summaries[0].good()
-    joined = [dataset_item(units, out, scenes, dataset, facts)] if units else []
+    joined = [dataset_item(units, out, scenes, dataset, facts, language)] if units else []
     summaries.append(run_stage(context, DATASET_STAGE, joined, dataset.name))
     context.ledger.discard(DATASET_STAGE, dataset.name)
     return summaries
@@ -219,6 +221,7 @@ def dataset_item(
     scenes: Path,
     dataset: Dataset,
     facts: Mapping[str, Any],
+    language: bool = False,
 ) -> WorkItem:
     """Join one robot's units into its dataset.
 
@@ -229,6 +232,7 @@ def dataset_item(
             robot, so that no mixture of robots trains where another validates.
         dataset: where it goes.
         facts: configuration and seeds for the provenance.
+        language: give it LeRobot's language column.
     """
     rows = list(units.values())
     all_scenes = _divided(units, scenes)
@@ -242,11 +246,13 @@ def dataset_item(
         rows[0].facts["encoding"],
         dict(facts),
         code_digest(*CODE),
+        language,
     )
     inputs = {
         "units": [row.key for row in rows],
         "scenes": all_scenes,
         "options": dict(facts),
+        **({"language": True} if language else {}),
     }
     return work_item(DATASET_STAGE, dataset.name, job, (dataset.lerobot,), **inputs)
 

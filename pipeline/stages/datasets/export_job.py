@@ -65,6 +65,7 @@ class DatasetJob:
         encoding: facts of the videos.
         facts: configuration and seeds.
         code_sha256: digest of the code that made the episodes and their pixels.
+        language: add LeRobot's language column.
     """
 
     units: tuple[Path, ...]
@@ -75,6 +76,7 @@ class DatasetJob:
     encoding: Mapping[str, Any]
     facts: Mapping[str, Any]
     code_sha256: str
+    language: bool = False
 
     def run(self) -> ItemResult:
         """Assemble one dataset."""
@@ -88,5 +90,6 @@ class DatasetJob:
             ),
             licence="-and-".join(licences),
             title=self.out.name,
+            language=self.language,
         )
         return ItemResult({"episodes": summary.episodes, "frames": summary.frames})
