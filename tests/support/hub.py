@@ -1,6 +1,7 @@
-"""A stand-in for the Hugging Face hub: what its clients ask for data sets, on a local port.
+"""A stand-in for the Hugging Face hub: what its clients ask for repositories, on a local port.
 
-It knows, for repositories of kind `dataset`:
+It knows, for repositories of kind `dataset`, and of kind `model` with `models` in place of
+`datasets`, which is left out of addresses that do not begin with `api`:
 
     POST   /api/repos/create, /api/validate-yaml
     GET    /api/datasets/<repo>[/revision/<rev>], …/refs, …/tree/<rev>[/<folder>]
@@ -87,13 +88,15 @@ class _Handler(BaseHTTPRequestHandler):
                 self._create()
             case ["api", "validate-yaml"]:
                 self._json({"errors": [], "warnings": []})
-            case ["api", "datasets", user, name, *rest]:
+            case ["api", "datasets" | "models", user, name, *rest]:
                 self._api(f"{user}/{name}", rest)
-            case ["datasets", user, name, "info", "lfs", "objects", "batch"]:
+            case [*_, user, name, "info", "lfs", "objects", "batch"]:
                 self._batch(f"{user}/{name.removesuffix('.git')}")
             case ["lfs", oid] if self.command == "PUT":
                 self._store(oid)
             case ["datasets", user, name, "resolve", revision, *path]:
+                self._resolve(f"{user}/{name}", revision, "/".join(path))
+            case [user, name, "resolve", revision, *path]:
                 self._resolve(f"{user}/{name}", revision, "/".join(path))
             case _:
                 self._unknown()
@@ -170,7 +173,7 @@ class _Handler(BaseHTTPRequestHandler):
         name = f"{asked['organization']}/{asked['name']}"
         if not self._signed_in():
             self._error(401, "", "Invalid username or password.")
-        elif asked["type"] != "dataset":
+        elif asked.get("type", "model") not in ("dataset", "model"):
             self._unknown()
         elif name in self.state.repos:
             self._json(

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from tests.collectors.test_replay import make_episode
+from tests.pipeline.commands.test_hub import environment, last_json, run
 from tests.pipeline.commands.test_push import FakeHub
+from tests.support.hub import TOKEN, running_hub
 from tests.support.lerobot_data import write_units
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.core.errors import InputError, VlnpeError
@@ -104,6 +106,34 @@ def test_the_hubs_copy_runs_in_lerobot(dataset: Path, tmp_path: Path, monkeypatc
         assert over.all() and info["final_info"]["is_success"].all()
         vector.close()
     assert asked == [(REPO, "alone")]
+
+
+STEP = """
+import json
+import numpy as np
+from lerobot.envs import make_env
+
+(vector,) = make_env("someone/rooms-env", n_envs=2, trust_remote_code=True)["vlnpe"].values()
+vector.reset(seed=[0, 1])
+for _ in range(2):
+    _, _, over, _, info = vector.step(np.zeros((2, 3), np.float32))
+vector.close()
+print(json.dumps({"over": over.tolist(), "success": info["final_info"]["is_success"].tolist()}))
+"""
+
+
+@pytest.mark.slow
+def test_it_is_published_and_run_over_http(dataset: Path, tmp_path: Path) -> None:
+    pytest.importorskip("lerobot")
+    with running_hub() as hub:
+        push = ["push", str(dataset), "--repo", REPO, "--env", "val_unseen", "--yes", "--json"]
+        given = environment(hub, tmp_path / "a", TOKEN)
+        release = last_json(run(["-m", "vlnpe.pipeline.cli", *push], given))
+        assert release["url"] == f"{hub.url}/{REPO}/tree/{release['tag']}"
+        assert set(hub.repos[REPO].tags) == {release["tag"]}
+        done = last_json(run(["-c", STEP], environment(hub, tmp_path / "b", None)))
+        assert done == {"over": [True, True], "success": [True, True]}
+        assert hub.unknown == []
 
 
 @pytest.mark.parametrize(
