@@ -6,7 +6,7 @@ the instruction, each from the time at which the part before was done.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -67,27 +67,27 @@ def _row(role: str, content: str, style: str, time_s: float) -> dict[str, Any]:
 def subtasks(rollout: Rollout, samples: NDArray[np.int64]) -> tuple[list[str], list[float]]:
     """Return the parts of the instruction that the robot came to, and since when [s].
 
-    The record of an instruction has them where its writer told them: `parts`, each with `words` and
-    `from_m`, the distance along the reference path at which the part before is done.
+    The record of an instruction has them where its writer told what its words claim: `claims`, a
+    list of steps with their `words`, and `from_m`, how far along the reference path the step before
+    each is done.
 
     Args:
         samples: The rollout's samples that are frames.
     """
     episode = rollout.episode
     records = (episode.extra.get("instruction") or {}).get("texts") or []
-    parts: Sequence[Mapping[str, Any]] = next(
-        (r["parts"] for r in records if r.get("text") == episode.instruction and r.get("parts")), ()
-    )
-    if not parts:
+    told = (r for r in records if r.get("text") == episode.instruction and r.get("from_m"))
+    record = next(told, None)
+    if record is None:
         return [], []
     along_m = _progress_m(
         episode.reference_path_world_m[:, :2], rollout.position_world_m[samples, :2]
     )
     words, times_s = [], []
-    for part in parts:
-        frame = int(np.searchsorted(along_m, float(part["from_m"]) - _REACHED_M))
+    for step, from_m in zip(record["claims"], record["from_m"], strict=True):
+        frame = int(np.searchsorted(along_m, float(from_m) - _REACHED_M))
         if frame < len(samples):
-            words.append(str(part["words"]))
+            words.append(str(step["words"]))
             times_s.append(float(rollout.time_s[samples[frame]]))
     return words, times_s
 

@@ -26,8 +26,9 @@ def straight(number: int, parts: dict[str, float] | None) -> Rollout:
     rollout = make_rollout(5.0, number)
     x_m = 1.0 + SPEED_M_S * rollout.time_s
     position = np.stack([x_m, 0 * x_m + 2.0, 0 * x_m + 0.36], axis=1)
-    told = [{"words": words, "from_m": along} for words, along in (parts or {}).items()]
-    record = {"texts": [{"text": "Go."}, {"text": TEXT, **({"parts": told} if parts else {})}]}
+    steps = [{"words": words, "claims": []} for words in PARTS]
+    told = {"from_m": list(parts.values())} if parts else {}
+    record = {"texts": [{"text": "Go."}, {"text": TEXT, "claims": steps, **told}]}
     episode = replace(
         rollout.episode,
         instruction=TEXT,
