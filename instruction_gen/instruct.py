@@ -50,6 +50,12 @@ class InstructResult:
     skeletons: dict[str, int] = field(default_factory=dict)
     model: list[Any] = field(default_factory=list)
 
+    @property
+    def unchecked(self) -> int:
+        """How many texts have words that no claim covers."""
+        records = (e.extra.get("instruction") or {} for e in self.episodes)
+        return sum(bool(t.get("unchecked")) for made in records for t in made.get("texts", ()))
+
     def usage(self) -> dict[str, Any]:
         """Return requests, tokens and cost of the language model so far; empty without one."""
         return asdict(self.model[0].budget.used()) if self.model else {}
@@ -174,6 +180,12 @@ def instruct_episodes(
         result.failed[episode.episode_id] = reason
         logger.warning("episode %s has no true instruction: %s", episode.episode_id, reason)
     result.unnamed.update(levels.unnamed())
+    if result.unchecked:
+        logger.warning(
+            "%d texts have words that no claim covers; the export leaves them out unless a person "
+            "accepts them in `vlnpe review`",
+            result.unchecked,
+        )
     return result
 
 
@@ -223,14 +235,6 @@ def with_texts(
     episode: Episode, texts: Sequence[WrittenText], config: InstructConfig | None = None
 ) -> Episode:
     """Return the episode with its texts and a record of how they were made."""
-    records = [
-        {
-            key: list(v) if isinstance(v, tuple) else v
-            for key, v in asdict(one).items()
-            if v or key != "english"
-        }
-        for one in texts
-    ]
     asked = config.llm if config else None
     made = {
         "composer": texts[0].writer,
@@ -238,7 +242,7 @@ def with_texts(
         "model": Path(asked.model).name if asked else None,
         "prompt_sha256": prompts_sha256() if asked else None,
         "temperature": asked.temperature if asked else None,
-        "texts": records,
+        "texts": [one.record() for one in texts],
     }
     extra = {**episode.extra, "instruction": made, "instructions": [one.text for one in texts]}
     return replace(episode, instruction=texts[0].text, extra=extra)

@@ -1,9 +1,11 @@
 """Settings of the instructions, and the record that is kept of each text."""
 
 from dataclasses import dataclass
+from typing import Any
 
 from ..formats.core.errors import InputError, UnknownNameError
 from .composer.compose import STYLES
+from .language.claims import Step, step_record
 from .llm.settings import LlmSettings
 
 COMPOSER, LLM, LOCAL = "composer", "llm", "local"
@@ -74,7 +76,8 @@ class WrittenText:
         landmarks: names of the scene's objects it speaks of, where the writer says so.
         attempts: drafts it took.
         model: of a language model, "" otherwise.
-        english: the same in English, of a text in another language.
+        steps: it says, with their claims; of a text in another language those of its translation.
+        unchecked: words that no claim covers: such a text is exported if a person vouches for it.
     """
 
     text: str
@@ -84,4 +87,20 @@ class WrittenText:
     landmarks: tuple[str, ...] = ()
     attempts: int = 1
     model: str = ""
-    english: str = ""
+    steps: tuple[Step, ...] = ()
+    unchecked: tuple[str, ...] = ()
+
+    def record(self) -> dict[str, Any]:
+        """Return it as JSON."""
+        open_ = {"unchecked": list(self.unchecked)} if self.unchecked else {}
+        return {
+            "text": self.text,
+            "language": self.language,
+            "style": self.style,
+            "writer": self.writer,
+            "landmarks": list(self.landmarks),
+            "attempts": self.attempts,
+            "model": self.model,
+            "claims": [step_record(step) for step in self.steps],
+            **open_,
+        }

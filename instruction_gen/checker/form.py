@@ -18,6 +18,7 @@ _FIRST_PERSON = re.compile(
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,
 )
+_SCRIPT = {"zh": "CJK UNIFIED", "hi": "DEVANAGARI"}
 # Words that any English route has some of.
 _COMMON = frozenset(
     """the a and to of in on at into left right turn walk go past stop through your you then with
@@ -52,3 +53,14 @@ def form_problems(text: str) -> list[str]:
     if len(sentences) != len(set(sentences)):
         problems.append("a sentence is repeated")
     return problems
+
+
+def script_problems(text: str, language: str) -> list[str]:
+    """Return what is wrong with the characters of a text in Chinese (`zh`) or Hindi (`hi`)."""
+    if any(unicodedata.category(c) in ("Cc", "Cf", "Co", "Cs") or c in "{}<>" for c in text):
+        return ["control characters or braces"]
+    letters = [c for c in text if unicodedata.category(c)[0] == "L"]
+    own = sum(unicodedata.name(c, "").startswith(_SCRIPT[language]) for c in letters)
+    if len(letters) < 5 or own < 0.8 * len(letters):
+        return [f"not in the language asked for ({language})"]
+    return []

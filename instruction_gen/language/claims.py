@@ -89,6 +89,24 @@ def claim_record(claim: Claim) -> dict[str, Any]:
     return {f.name: v for f in fields(Claim) if (v := getattr(claim, f.name)) != f.default}
 
 
+def step_record(step: Step) -> dict[str, Any]:
+    """Return the words and claims of a step as JSON, as `read_steps` takes them."""
+    return {"words": step.words, "claims": [claim_record(claim) for claim in step.claims]}
+
+
+def claims_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a list of claims, as servers with structured output take it."""
+    kinds = {str: "string", int: "integer", float: "number", bool: "boolean"}
+    keys = {
+        name: {"enum": list(_CLOSED[name])} if name in _CLOSED else {"type": kinds[of]}
+        for name, of in _TYPES.items()
+    }
+    claim = {
+        "type": "object", "properties": keys, "required": ["kind"], "additionalProperties": False,
+    }  # fmt: skip
+    return {"type": "array", "items": claim}
+
+
 def read_steps(records: Any) -> tuple[Step, ...]:
     """Return steps from JSON: `[{"words": …, "claims": [{"kind": …}, …]}, …]`.
 

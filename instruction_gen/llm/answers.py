@@ -1,22 +1,45 @@
 """What a model must answer, validated."""
 
 import json
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, WithJsonSchema
+
+from ..language.claims import Step, claims_schema, read_steps
 
 LONGEST_ANSWER = 40_000
 
 
-class Text(BaseModel):
-    """One instruction."""
+class Said(BaseModel):
+    """A step: words of an instruction, and what they claim."""
 
     model_config = ConfigDict(extra="ignore")
 
-    style: str = Field(max_length=20)
-    language: str = Field(default="en", max_length=8)
-    text: str = Field(min_length=1, max_length=2000)
-    english: str = Field(default="", max_length=2000)
+    words: str = Field(max_length=600)
+    claims: Annotated[list[Any], WithJsonSchema(claims_schema())] = Field(max_length=12)
+
+
+class Text(BaseModel):
+    """One instruction, as steps with claims; as a text alone in another language than English."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    style: str = Field(default="", max_length=20)
+    steps: list[Said] = Field(default_factory=list, max_length=24)
+    text: str = Field(default="", max_length=2000)
+
+    @property
+    def words(self) -> str:
+        """All that the instruction says."""
+        return (self.text or " ".join(said.words.strip() for said in self.steps)).strip()
+
+    def claimed(self) -> tuple[Step, ...]:
+        """Return the steps with their claims, none where the model gave none.
+
+        Raises:
+            InputError: a claim has another form.
+        """
+        return read_steps([said.model_dump() for said in self.steps])
 
 
 class Answer(BaseModel):

@@ -11,7 +11,7 @@ from ..composer.refer import came_by
 from ..facts.records import LandmarkFact, PathFacts
 from ..language.nouns import spoken
 
-WRITING_PROMPTS = ("system", "examples", "repair")
+WRITING_PROMPTS = ("system", "claims", "examples", "repair", "back")
 SIGHT_PROMPTS = ("sight", "room")  # of `--vision`
 
 _NAMES = {"en": "English", "zh": "Chinese (simplified characters)", "hi": "Hindi"}
@@ -40,7 +40,7 @@ def first_messages(facts: PathFacts, styles: Sequence[str], language: str) -> li
         f"in these styles: {', '.join(styles)}. They must differ in wording."
     )
     return [
-        {"role": "system", "content": prompt("system") + "\nExamples\n" + prompt("examples")},
+        {"role": "system", "content": "\n".join(map(prompt, ("system", "claims", "examples")))},
         {"role": "user", "content": f"Facts: {json.dumps(brief(facts))}\n{wish}"},
     ]
 
@@ -53,6 +53,14 @@ def repair_messages(
     # Its number keeps a second request for the same text from being answered by the cache.
     words = f"{prompt('repair')}Attempt {attempt}.\n{json.dumps(wrong, ensure_ascii=False)}"
     return [*before, {"role": "user", "content": words}]
+
+
+def back_messages(text: str) -> list[dict[str, str]]:
+    """Return the request to translate a text into English, with claims."""
+    return [
+        {"role": "system", "content": f"{prompt('back')}\n{prompt('claims')}"},
+        {"role": "user", "content": text},
+    ]
 
 
 def brief(facts: PathFacts) -> dict[str, Any]:

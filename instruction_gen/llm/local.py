@@ -22,7 +22,7 @@ from .client import Backend, Messages, Reply, RetryableError
 from .settings import LlmSettings
 
 CONTEXT_TOKENS = 8192
-TEXT_TOKENS = 800  # that one text and its English may have
+TEXT_TOKENS = 1600  # that one text with its claims may have
 # llama.cpp nests a rule this deep for a bound, and crashes on thousands.
 LARGEST_BOUND = 64
 _ERRORS = ("error loading model: ", "gguf_init_from", "GGML_ASSERT")  # in lines of its log

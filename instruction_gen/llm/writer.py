@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from ..checker import Ground
+from ...formats.core.errors import InputError
+from ..checker import Ground, Verdict, check_text
 from ..composer import compose_texts
 from ..records import COMPOSER, InstructConfig, WrittenText
 from .answers import Text
 from .brief import first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
-from .foreign import check_in
+from .foreign import check_translation
 
 REPAIRS = 2
 
@@ -78,17 +79,20 @@ class ModelWriter:
                 break
             failed: list[tuple[str, str, list[str]]] = []
             for text, style in zip(answer.instructions, missing, strict=False):
-                problems = self._problems(text, language, ground, good)
+                words = text.words
+                verdict = self._verdict(text, language, ground, good)
+                problems = list(verdict.problems)
+                if verdict.unchecked and attempt < REPAIRS:
+                    problems.append(f"no claim covers: {', '.join(verdict.unchecked)}")
                 if problems:
                     self.rejected += 1
-                    failed.append((style, text.text[:700], problems))
+                    failed.append((style, words[:700], problems))
                     continue
                 model = self._client.settings.model
-                english = "" if language == "en" else text.english
-                words = text.text.strip()
                 good.append(
-                    WrittenText(words, language, style, "llm", (), attempt + 1, model, english)
-                )
+                    WrittenText(words, language, style, "llm", (), attempt + 1, model,
+                                verdict.steps, verdict.unchecked)
+                )  # fmt: skip
             # Those that are asked for again come first: answers have the order of the request.
             missing = [style for style, _, _ in failed] + missing[len(answer.instructions) :]
             if not failed:
@@ -96,10 +100,15 @@ class ModelWriter:
             messages = repair_messages(first, failed, attempt + 1)
         return good, missing, reason
 
-    def _problems(
+    def _verdict(
         self, text: Text, language: str, ground: Ground, good: list[WrittenText]
-    ) -> list[str]:
-        words = text.text.strip()
+    ) -> Verdict:
+        words = text.words
         if any(words == one.text for one in good):
-            return ["it repeats another text word for word"]
-        return list(check_in(language, words, text.english, ground).problems)
+            return Verdict(("it repeats another text word for word",))
+        if language != "en":
+            return check_translation(self._client, words, language, ground)
+        try:
+            return check_text(words, ground, text.claimed())
+        except InputError as error:
+            return Verdict((str(error),))

@@ -12,6 +12,7 @@ from typing import Any
 from ...formats.core.episode import Episode
 from ...formats.core.errors import FileFormatError, InputError
 
+UNCHECKED = "words that no claim covers and no reviewer vouches for"
 ACTIONS = ("accept", "edit", "reject", "undo")
 
 
@@ -37,6 +38,10 @@ class Decision:
     text: str = ""
     reason: str = ""
     at: float = 0.0
+
+
+# The last decision about a text, by path and number, then annotator.
+Current = dict[tuple[str, int], dict[str, Decision]]
 
 
 class DecisionFile:
@@ -80,7 +85,7 @@ class DecisionFile:
                 raise FileFormatError(self.path, f"line {k + 1}: {error}") from error
         return result
 
-    def current(self) -> dict[tuple[str, int], dict[str, Decision]]:
+    def current(self) -> Current:
         """Return the last decision that is not undone by path and text, then annotator."""
         stacks: dict[tuple[str, int, str], list[Decision]] = {}
         for one in self.read():
@@ -89,14 +94,14 @@ class DecisionFile:
                 stack.append(one)
             elif stack:
                 stack.pop()
-        result: dict[tuple[str, int], dict[str, Decision]] = {}
+        result: Current = {}
         for (path, number, annotator), stack in stacks.items():
             if stack:
                 result.setdefault((path, number), {})[annotator] = stack[-1]
         return result
 
 
-def agreement(current: dict[tuple[str, int], dict[str, Decision]]) -> dict[str, int]:
+def agreement(current: Current) -> dict[str, int]:
     """Return how many texts two or more annotators judged, and on how many they agree to keep."""
     shared = [d for d in current.values() if len(d) > 1]
     same = [len({one.action == "reject" for one in d.values()}) == 1 for d in shared]
@@ -108,20 +113,22 @@ def apply_decisions(
 ) -> tuple[list[Episode], dict[str, str]]:
     """Return the episodes after review, and why others lost all their texts, by episode id.
 
-    A text rejected by any reviewer is dropped; the last of several edits holds. A decision about
-    a text that has been rewritten since is left out. The records of how texts were made follow.
+    A text rejected by any reviewer is dropped, and so is one with unchecked words that nobody
+    accepted or edited; the last of several edits holds. A decision about a text that has been
+    rewritten since is left out. The records of how texts were made follow.
     """
     current = file.current()
     kept: list[Episode] = []
     lost: dict[str, str] = {}
     for episode in episodes:
         texts = list(episode.extra.get("instructions") or [episode.instruction])
-        made = {**(episode.extra.get("instruction") or {}), "reviewed": True}
+        made = dict(episode.extra.get("instruction") or {})
         record_of = {record["text"]: record for record in made.get("texts", ())}
         result: list[str] = []
         records: list[dict[str, Any]] = []
         reasons: list[str] = []
         for number, text in enumerate(texts):
+            record = record_of.get(text, {})
             decided = [
                 d
                 for d in current.get((episode.trajectory_id, number), {}).values()
@@ -131,26 +138,31 @@ def apply_decisions(
             edits = sorted((d for d in decided if d.action == "edit"), key=lambda d: d.at)
             if rejected:
                 reasons += [d.reason or "rejected" for d in rejected]
+            elif record.get("unchecked") and not decided:
+                reasons.append(f"{UNCHECKED}: {', '.join(record['unchecked'])}")
             else:
                 result.append(edits[-1].text if edits else text)
-                if text in record_of:
-                    records.append(_edited(record_of[text], result[-1]))
+                if record:
+                    records.append(_judged(record, result[-1], bool(decided)))
         if not result:
             lost[episode.episode_id] = "; ".join(reasons) or "no text"
             continue
-        if result == texts:
+        if result == texts and records == made.get("texts", []):
             kept.append(episode)
             continue
         if "texts" in made:
             made["texts"] = records
+        made["reviewed"] = any(path == episode.trajectory_id for path, _ in current)
         extra = {**episode.extra, "instructions": result, "instruction": made}
         kept.append(replace(episode, instruction=result[0], extra=extra))
     return kept, lost
 
 
-def _edited(record: dict[str, Any], text: str) -> dict[str, Any]:
-    """Return the record of a text after an edit, which may name other landmarks."""
+def _judged(record: dict[str, Any], text: str, vouched: bool) -> dict[str, Any]:
+    """Return the record of a text after review; an edit may claim other things."""
+    if vouched and record.get("unchecked"):
+        record = {**record, "vouched": True}
     if record["text"] == text:
         return record
-    kept = {key: value for key, value in record.items() if key != "landmarks"}
+    kept = {key: v for key, v in record.items() if key not in ("landmarks", "claims", "unchecked")}
     return {**kept, "text": text, "edited": True}

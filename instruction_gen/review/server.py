@@ -19,12 +19,14 @@ from ...formats.core.errors import VlnpeError
 from ...formats.scene.visibility import Visibility
 from ...formats.vlnce.files import scene_stem
 from ...formats.vlnce.groups import group_by_path, ungroup
-from ..checker import Ground
-from ..facts import path_facts
+from ..checker import Ground, Verdict, check_text
+from ..checker.form import script_problems
+from ..facts import LevelFacts, path_facts
 from ..facts.named import Named
+from ..facts.records import PathFacts
 from ..instruct import Levels
-from ..llm.foreign import check_in
-from .decisions import Decision, DecisionFile, agreement
+from ..language.claims import read_steps
+from .decisions import Current, Decision, DecisionFile, agreement
 
 _PAGES = {"/": ("index.html", "text/html"), "/review.js": ("review.js", "text/javascript")}
 _PAGES["/review.css"] = ("review.css", "text/css")
@@ -109,32 +111,56 @@ class Review:
             "scene": scene_stem(episode.scene_id),
             "path": np.round(episode.reference_path_world_m[:, :2], 2).tolist(),
             "things": things,
+            "rooms": _rooms(level),
             "walls": _walls(level.regions),
-            "facts": [f"{t.along_m:.1f} m: {t.side} {abs(t.angle_deg):.0f}°" for t in facts.turns]
-            + [f"{p.along_m:.1f} m: into {p.to_room or 'the next room'}" for p in facts.passages]
-            + [
-                f"{m.along_m:.1f} m: {m.noun} {m.side} {m.distance_m:.1f} m"
-                for m in facts.landmarks
-                if m.nameable and m.distance_m <= 2.5
-            ],
+            "facts": _along(facts),
             "texts": texts,
             "film": name in self.films,
             "agreement": agreement(current),
+            "texts_in_all": sum(len(_texts(one)) for one in self.paths.values()),
+            "next_unjudged": self._next_unjudged(name, annotator, current),
         }
+
+    def _next_unjudged(self, name: str, annotator: str, current: Current) -> int:
+        """Return the number of the next path with a text that someone has yet to judge; −1: none.
+
+        It is looked for after `name`, then from the first path on.
+        """
+        here = self.names.index(name)
+        for number in (*range(here + 1, len(self.names)), *range(here + 1)):
+            path = self.names[number]
+            for k in range(len(_texts(self.paths[path]))):
+                if annotator not in current.get((path, k), {}):
+                    return number
+        return -1
 
     def check(self, name: str, number: int, text: str) -> dict[str, Any]:
         """Return the verdict on a text in place of a path's text `number`, with its clauses.
 
-        A text in another language than English is compared with the English of the one it replaces.
+        The text as it was written has the claims of its writer. What a person changes in another
+        language than English is unchecked: who accepts it vouches for it.
         """
-        episode = self.paths[name]
-        original = _texts(episode)[number]
-        made = [one.extra.get("instruction") or {} for one in ungroup(episode)]
+        original, text = _texts(self.paths[name])[number], text[:2000]
+        record = self._record(name, original)
+        same = text == original
+        if (language := record.get("language", "en")) != "en":
+            problems = tuple(script_problems(text, language))
+            unchecked = tuple(record.get("unchecked", ())) if same else (text,)
+            verdict = Verdict(problems, ((0, len(text), problems),), unchecked)
+        else:
+            steps = read_steps(record.get("claims", [])) if same else ()
+            verdict = check_text(text, self.ground(name), steps)
+        return {
+            "problems": list(verdict.problems),
+            "clauses": [list(clause) for clause in verdict.clauses],
+            "unchecked": list(verdict.unchecked),
+        }
+
+    def _record(self, name: str, text: str) -> dict[str, Any]:
+        """Return how a text of a path was made; empty where nothing says so."""
+        made = [one.extra.get("instruction") or {} for one in ungroup(self.paths[name])]
         records = [record for one in made for record in one.get("texts") or ()]
-        record = next((one for one in records if one["text"] == original), {})
-        language, english = record.get("language", "en"), record.get("english", "")
-        verdict = check_in(language, text[:2000], english, self.ground(name))
-        return {"problems": list(verdict.problems), "clauses": [list(c) for c in verdict.clauses]}
+        return next((one for one in records if one["text"] == text), {})
 
     def decide(self, annotator: str, body: dict[str, Any]) -> None:
         """Write a decision; an edit that the checker refuses is not accepted.
@@ -213,9 +239,11 @@ class _Handler(BaseHTTPRequestHandler):
         elif parts.path == "/api/path":
             query = parse_qs(parts.query)
             names = self.review.names
-            number = int(query.get("number", ["0"])[0]) % max(1, len(names))
+            number = int(query["number"][0])
+            if not 0 <= number < len(names):
+                raise IndexError(number)
             annotator = query.get("annotator", [""])[0]
-            self._json(self.review.path(names[number], annotator) if names else {})
+            self._json(self.review.path(names[number], annotator))
         elif parts.path == "/api/film":
             film = self.review.films.get(parse_qs(parts.query).get("name", [""])[0])
             if film is None or not film.is_file():
@@ -273,6 +301,31 @@ class _Handler(BaseHTTPRequestHandler):
 
 def _texts(episode: Episode) -> list[str]:
     return episode.extra.get("instructions") or [episode.instruction]
+
+
+def _along(facts: PathFacts) -> list[str]:
+    """Return what is where along a path, in the order in which it comes."""
+    lines = [(t.along_m, f"{t.side} {abs(t.angle_deg):.0f}°") for t in facts.turns]
+    lines += [(p.along_m, f"into {p.to_room or 'the next room'}") for p in facts.passages]
+    lines += [
+        (m.along_m, f"{m.noun} {m.side} {m.distance_m:.1f} m")
+        for m in facts.landmarks
+        if m.nameable and m.distance_m <= 2.5
+    ]
+    lines.append((facts.length_m, f"goal, in {facts.goal_room or 'a room without a name'}"))
+    return [f"{along_m:.1f} m: {line}" for along_m, line in sorted(lines)]
+
+
+def _rooms(level: LevelFacts) -> list[dict[str, Any]]:
+    """Return the names of the rooms, each with a place inside it."""
+    result = []
+    for number, name in enumerate(level.names):
+        cells = np.argwhere(level.regions.region == number)
+        if name and len(cells):
+            inside = cells[np.argmin(np.linalg.norm(cells - cells.mean(axis=0), axis=1))]
+            xy_m = level.regions.grid.center_of(inside)
+            result.append({"name": name, "at": np.round(xy_m, 2).tolist()})
+    return result
 
 
 def _walls(regions: Any) -> dict[str, Any]:

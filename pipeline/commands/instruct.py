@@ -159,6 +159,8 @@ def _print(
         for label, count in facts["unnamed_labels"].items():
             sys.stdout.write(f"no noun is known for the label {label!r} ({count} objects)\n")
     text = f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts"
+    if facts["unchecked"]:
+        text += f"; {facts['unchecked']} with unchecked words are not exported before a review"
     kept = 0 if replace else sum(bool(episode.instruction) for episode in task.episodes)
     if kept:
         text += f"; {kept} episodes had texts and keep them, --replace writes new ones"

@@ -10,7 +10,7 @@ document.head.append(style);
 async function call(path, body) {
   const url = path + (path.includes("?") ? "&" : "?") + "token=" + encodeURIComponent(token);
   const answer = await fetch(url, body === undefined ? {} : { method: "POST", body: JSON.stringify(body) });
-  const value = await answer.json();
+  const value = await answer.json().catch(() => ({}));
   if (!answer.ok) throw new Error(value.error || answer.status);
   return value;
 }
@@ -52,7 +52,9 @@ function show() {
   const data = state.data;
   $("title").textContent = `${data.name} (${data.number + 1} of ${data.paths})`;
   const both = data.agreement;
-  $("agreement").textContent = `${both.judged} judged, ${both.agreed} of ${both.judged_twice} judged twice agree`;
+  $("progress").max = data.texts_in_all;
+  $("progress").value = both.judged;
+  $("agreement").textContent = `${both.judged} of ${data.texts_in_all} judged, ${both.agreed} of ${both.judged_twice} judged twice agree`;
   $("facts").replaceChildren(...data.facts.map((line) => element("li", "", line)));
   const film = $("film");
   film.hidden = !data.film;
@@ -102,6 +104,8 @@ function card(text, number) {
   line.append(text.text.slice(at));
   box.append(line);
   if (text.verdict.problems.length) box.append(element("div", "problems", text.verdict.problems.join(" · ")));
+  const loose = text.verdict.unchecked;
+  if (loose.length && !text.own) box.append(element("div", "problems", `unchecked: ${loose.join(", ")}. It is exported only if you accept it.`));
   const status = [text.own && `you: ${text.own}` + (text.reason ? ` (${text.reason})` : ""), text.others.length && `others: ${text.others.join(", ")}`];
   box.append(element("div", "status", status.filter(Boolean).join(" — ")));
   if (number === state.text && state.mode === "reject") {
@@ -145,8 +149,10 @@ function press(key) {
   else if (key === "e") { state.mode = "edit"; show(); return true; }
   else if (key === "r") { state.mode = "reject"; show(); return true; }
   else if (key === "u") decide("undo", {});
-  else if (key === "n") { state.text = 0; load(state.number + 1); }
-  else if (key === "p") { state.text = 0; load(state.number + state.data.paths - 1); }
+  else if (key === "n") { state.text = 0; load((state.number + 1) % state.data.paths); }
+  else if (key === "p") { state.text = 0; load((state.number + state.data.paths - 1) % state.data.paths); }
+  else if (key === "j" && state.data.next_unjudged < 0) say("every text is judged");
+  else if (key === "j") { state.text = 0; load(state.data.next_unjudged); }
   else if (key === " ") { play(); return true; }
   return false;
 }
@@ -189,6 +195,11 @@ function draw(share) {
     pen.fillStyle = "#334";
     if (!/doorway|lamp|rug/.test(thing.noun) && width > 14) pen.fillText(thing.noun, X(thing.low[0]) + 2, Y(thing.high[1]) + 12);
   }
+  pen.font = "bold 14px system-ui";
+  pen.textAlign = "center";
+  pen.fillStyle = "#8a4b08";
+  for (const room of data.rooms) pen.fillText(room.name, X(room.at[0]), Y(room.at[1]));
+  pen.textAlign = "left";
   pen.lineWidth = 3;
   const last = share * (data.path.length - 1);
   for (const [colour, until] of [["#b9c6dd", data.path.length - 1], ["#2667c9", last]]) {
@@ -199,7 +210,9 @@ function draw(share) {
   }
   const dot = (p, colour) => { pen.fillStyle = colour; pen.beginPath(); pen.arc(X(p[0]), Y(p[1]), 6, 0, 7); pen.fill(); };
   dot(data.path[0], "#2a8f4a");
-  dot(data.path[data.path.length - 1], "#c0392b");
+  const goal = data.path[data.path.length - 1];
+  dot(goal, "#c0392b");
+  pen.fillText("goal", X(goal[0]) + 9, Y(goal[1]) + 4);
   dot(data.path[Math.floor(last)], "#2667c9");
 }
 

@@ -12,15 +12,14 @@ REVIEW_NAME = "review.jsonl"  # in the run folder
 
 
 def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
-    """Return a rollout whose episode has the instructions that reviewers accepted or edited.
+    """Return a rollout whose episode has the checked instructions that reviewers left.
 
     Raises:
-        VlnpeError: they rejected all of them.
+        VlnpeError: there are none.
     """
     recorded = rollout_at(rollout)
-    if not review.is_file():
-        return recorded
     kept, lost = apply_decisions([recorded.episode], DecisionFile(review))
     if lost:
-        raise VlnpeError(f"rejected in review: {lost[recorded.episode.episode_id]}")
+        reason = lost[recorded.episode.episode_id]
+        raise VlnpeError(f"no text is left after review: {reason}")
     return replace(recorded, episode=kept[0])

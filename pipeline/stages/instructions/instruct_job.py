@@ -105,6 +105,7 @@ def summary(result: InstructResult) -> dict[str, Any]:
     return {
         "episodes": len(result.episodes),
         "texts": len(texts),
+        "unchecked": result.unchecked,
         "skeletons": len(result.skeletons),
         "quarantined": dict(result.failed),
         "unnamed_labels": result.unnamed,

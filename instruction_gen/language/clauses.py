@@ -1,0 +1,105 @@
+"""Cut a text into clauses, each with at most one verb that matters."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from .claims import Claim
+from .tokens import Token
+from .words import DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT, VERB_OF
+
+_BREAKS = frozenset(",:—–-()")
+_ENDS = frozenset(".!?;")
+_SUBJECTS = frozenset("you going entering reaching passing it".split())
+# A second verb of these begins a clause of its own: `go forward turn left`.
+_OWN = frozenset("turn stop leave enter pass".split())
+_NOT_VERB_AFTER = frozenset("left right next other far dead front near".split())
+_ALSO_NOUNS = frozenset("round clear open clean water bend".split())
+_GOES = frozenset("opens open leads lead runs goes comes takes".split())
+
+
+@dataclass
+class Clause:
+    """Tokens up to the next joint, and what has been read of them.
+
+    Attributes:
+        joint: the word or mark before it; "" at the beginning of a sentence.
+        sentence: its number.
+        until: it tells how far the clause before goes: `until you reach the sofa`.
+        before: `before you reach the sofa`.
+        verb: the kind of its verb; inherited in a list.
+        prep: its last preposition.
+        negated: it says what not to do.
+        used: indices of the tokens that its claims cover.
+        faults: what is wrong with its words.
+    """
+
+    tokens: list[Token]
+    joint: str = ""
+    sentence: int = 0
+    until: bool = False
+    before: bool = False
+    verb: str = ""
+    prep: str = ""
+    negated: bool = False
+    claims: list[Claim] = field(default_factory=list)
+    used: set[int] = field(default_factory=set)
+    faults: list[str] = field(default_factory=list)
+
+    @property
+    def has_verb(self) -> bool:
+        """Whether it has a verb of its own."""
+        return any(verb_at(self.tokens, k) for k in range(len(self.tokens)))
+
+    def says(self, *words: str) -> bool:
+        """Return whether any of some words is in it."""
+        return any(token.text in words for token in self.tokens)
+
+
+def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
+    """Return the clauses of a text; some may be empty."""
+    result = [Clause([])]
+    sentence = 0
+    for k, token in enumerate(tokens):
+        word = token.text
+        if word in _ENDS:
+            sentence += 1
+            result.append(Clause([], sentence=sentence))
+        elif word == "and" and [t.text for t in tokens[k + 1 : k + 3]] == ["a", "half"]:
+            result[-1].tokens.append(token)
+        elif word in _BREAKS or word in JOINTS:
+            if result[-1].tokens or word in JOINTS:
+                result.append(Clause([], word, sentence))
+        elif word == "UNTIL" or (word in ("before", "after") and _begins(tokens, k + 1)):
+            result.append(Clause([], "", sentence, until=True, before=word == "before"))
+        else:
+            mark = token.text == "TURN_AROUND"
+            if (mark or verb_at(tokens, k) in _OWN) and result[-1].has_verb:
+                result.append(Clause([], sentence=sentence))
+            result[-1].tokens.append(token)
+    return result
+
+
+def _begins(tokens: Sequence[Token], k: int) -> bool:
+    """Return whether a clause with a verb of its own begins: `before you reach the sofa`."""
+    return k < len(tokens) and tokens[k].text in _SUBJECTS
+
+
+def verb_at(tokens: Sequence[Token], k: int) -> str:
+    """Return the kind of verb at token `k`, "" where the word is none there."""
+    word = tokens[k].text
+    if word.isupper():
+        return {"TURN_AROUND": "turn", "TOWARD": "toward"}.get(word, "")
+    kind = VERB_OF.get(word, "")
+    before = tokens[k - 1].text if k else ""
+    after = tokens[k + 1].text if k + 1 < len(tokens) else ""
+    noun = (
+        (before in DETERMINERS and before not in ("that", "this", "both", "all"))
+        or before in ORDINALS or before in SLIGHT or before in SHARP or before in _NOT_VERB_AFTER
+    )  # fmt: skip
+    if not kind or (noun and kind != "see" and word not in ("leads", "opens")):
+        return ""
+    if (word in PARTS and after == "of") or (
+        word in _ALSO_NOUNS and (not after or after in PREP_OF)
+    ):
+        return ""
+    return "go" if word in _GOES else kind

@@ -1,0 +1,139 @@
+"""Where a text stops, which may be said first, last, or only implied by where the walk ends."""
+
+from dataclasses import replace
+
+from .claims import Claim
+from .clauses import Clause
+
+MOVES = frozenset("leave enter door turn pass reach walk".split())
+# The first sentence says where the walk ends, if one of these is in it: the first ones if the text
+# says to stop as well.
+_ANNOUNCE = frozenset(
+    "aim goal target destination finish finishes ends place spot point headed bound TOWARD "
+    "stop".split()
+)
+_MAY_ANNOUNCE = _ANNOUNCE | frozenset("yourself want wants after find".split())
+
+
+def arrange(clauses: list[Clause]) -> None:
+    """Put what is named with a turn before it, and the stop at the end."""
+    for k, clause in enumerate(clauses):
+        n = next((n for n, c in enumerate(clause.claims) if c.kind == "turn"), -1)
+        if n >= 0:
+            clause.claims = [*clause.claims[:n], *_turned(clause.claims[n:])]
+        # "Turn left when you reach the sofa": the sofa comes first.
+        before = clauses[k - 1] if k else None
+        if (
+            clause.until and before is not None and clause.claims and before.verb == "turn"
+            and before.claims and not clause.joint and before.sentence == clause.sentence
+            and all(c.kind in ("see", "reach", "in", "pass") for c in clause.claims)
+        ):  # fmt: skip
+            before.claims, clause.claims = clause.claims + before.claims, []
+    spoken = [clause for clause in clauses if clause.tokens]
+    if spoken:
+        _end(spoken)
+
+
+def _turned(claims: list[Claim]) -> list[Claim]:
+    """Return the claims of a turn and what follows it, in the order of the walk."""
+    marks = [c for c in claims[1:] if c.kind in ("reach", "see") and c.what in ("thing", "door")]
+    turn, *rest = [c for c in claims if c not in marks]
+    if rest and rest[0].kind in ("enter", "door") and not rest[0].side \
+            and turn.side in ("left", "right"):  # fmt: skip
+        rest[0] = replace(rest[0], side=turn.side)  # "turn left into the kitchen"
+    return [*marks, turn, *rest]
+
+
+def _end(clauses: list[Clause]) -> None:
+    """Leave one stop, after which nothing moves."""
+    stops = [k for k, c in enumerate(clauses) if any(x.kind == "stop" for x in c.claims)]
+    if _announced(clauses, bool(stops)):
+        stops = [k for k in stops if any(x.kind == "stop" for x in clauses[k].claims)]
+    elif not stops:
+        _stop_where_the_walk_ends(clauses)
+    if not stops:
+        return
+    moves = [k for k, c in enumerate(clauses) if any(x.kind in MOVES for x in c.claims)]
+    if goal := _goal_before_the_way(clauses, stops, moves):
+        moved = [c for k in goal for c in clauses[k].claims]
+        for k in goal:
+            clauses[k].claims = []
+        clauses[-1].claims += moved
+        stops = [k for k in stops if k not in goal]
+        if not stops:
+            return
+    last = stops[-1]
+    for k in stops[:-1]:
+        clause = clauses[k]
+        if clause.tokens[0].text == "stand" and not any(m < k for m in moves):
+            clause.claims = []  # how the walker stands at the start
+        elif clause.sentence < clauses[last].sentence and any(k < m <= last for m in moves):
+            clause.claims = [
+                replace(c, kind="reach", place="") if c.kind == "stop" else c
+                for c in clause.claims
+                if c.kind != "stop" or c.what
+            ]
+    for k in moves:
+        if k > last and clauses[k].sentence > clauses[last].sentence:
+            clauses[k].faults.append("the text goes on after the stop")
+
+
+def _goal_before_the_way(clauses: list[Clause], stops: list[int], moves: list[int]) -> list[int]:
+    """Return the clauses that name the goal before any way is told."""
+    if not moves:
+        return []
+    first = moves[0]
+    goal = [
+        k
+        for k in stops
+        if (k < first and clauses[k].tokens[0].text != "stand")
+        or (k == stops[0] and clauses[k].sentence == 0 < clauses[first].sentence)
+    ]
+    return goal if goal and goal[0] < moves[-1] else []
+
+
+def _announced(clauses: list[Clause], stopped: bool) -> bool:
+    """Read the first sentence as the place of the stop, if it announces one."""
+    first = [c for c in clauses if c.sentence == clauses[0].sentence]
+    rest = clauses[len(first) :]
+    cut = next((k for k, c in enumerate(first) if c.joint == ":"), 0)
+    head, tail = clauses[:cut], clauses[cut:] if cut else []
+    if any(c.says(*_MAY_ANNOUNCE) for c in head):
+        first, rest = head, tail
+    moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
+    own = any(x.kind == "stop" for c in first for x in c.claims)
+    cue = any(c.says(*_ANNOUNCE) for c in first)
+    if stopped and (moves or not (cue or own)):
+        return False
+    may = cue or own or any(c.says(*_MAY_ANNOUNCE) for c in first)
+    if not rest or not may or (moves and not stopped):
+        first, rest = head, tail
+    targets = [(c, x) for c in first for x in c.claims if x.name or x.what == "door"]
+    if not rest or not targets or any(c.tokens[0].text == "stand" for c in first):
+        return False
+    for clause in first:
+        clause.claims = []
+    for clause, claim in targets:
+        place = "at"
+        if claim.what == "room":
+            place = "outside" if clause.says("outside", "before", "short") else "inside"
+        if claim.what != "room" or claim.kind != "see" or claim.side or len(targets) == 1:
+            rest[-1].claims.append(replace(claim, kind="stop", place=claim.place or place))
+    return True
+
+
+def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
+    """Read the last place that is walked to as the stop of a text that names none."""
+    clause = next((c for c in reversed(clauses) if c.claims), None)
+    last = clause.claims[-1] if clause else None
+    if clause is None or last is None or not last.name:
+        return
+    if clause.until:
+        clause.claims = [
+            replace(c, kind="stop", place="inside" if c.what == "room" else
+                    "past" if c.kind == "pass" else "at")
+            if c.name else c for c in clause.claims
+        ]  # fmt: skip
+    elif last.kind in ("reach", "enter", "in"):
+        place = "inside" if last.what == "room" else "at"
+        clause.claims.append(replace(last, kind="stop", place=place, ordinal=0))

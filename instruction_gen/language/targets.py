@@ -1,0 +1,99 @@
+"""What a clause claims about a target: by the preposition before it and the clause's verb."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from .claims import Claim
+from .clauses import Clause
+from .phrases import Phrase
+
+# Of each kind of target: prepositions, verbs with any preposition, verbs without one, and what is
+# claimed. The first row that holds any of them decides; "-" is no verb.
+_ROWS = {
+    "room": (
+        ("from", "", "leave", "leave"),
+        ("into to", "", "enter reach", "enter"),
+        ("outside", "", "", "see"),
+        ("past", "pass", "", "pass"),
+        ("with toward at after before behind", "see toward", "", "see"),
+        ("in along through across around between", "cross go", "", "in"),
+    ),
+    "door": (
+        ("through into from", "enter leave", "go turn cross -", "door"),
+        ("past", "pass", "", "pass"),
+        ("with toward", "see", "", "see"),
+    ),
+    "thing": (
+        ("past along between after across around through", "", "pass cross", "pass"),
+        ("with toward from behind before", "see toward", "", "see"),
+        ("at to in into", "", "", "reach"),
+    ),
+}
+_ELSE = {"room": "see", "door": "reach", "thing": "see"}
+_PLACE = {
+    "past": "past", "after": "past", "through": "past", "before": "before", "outside": "outside",
+    "between": "between", "in": "inside", "into": "inside",
+}  # fmt: skip
+
+
+def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
+    """Return what a clause that does not stop claims about a target after a preposition."""
+    if clause.before:
+        return target.claim("see")
+    verb = clause.verb
+    kind = _kind(target.what, prep, verb or "-")
+    if target.what == "room":
+        if not kind and not verb and not prep:
+            return None
+        # "Until you reach the hall" says where the walker is, not that he enters it there.
+        if kind == "enter" and verb != "enter" and (
+            clause.until or (verb == "reach" and prep != "into")
+        ):  # fmt: skip
+            kind = "in"
+    elif target.what == "door" and kind == "door" and not prep and clause.until:
+        kind = "" if verb not in ("enter", "leave") else kind
+    elif not kind and not verb and clause.prep == "past":
+        kind = "pass"
+    around = kind == "pass" and target.what == "thing" and prep == "around"
+    return target.claim(kind or _ELSE[target.what], degree="slight" if around else "")
+
+
+def _kind(what: str, prep: str, verb: str) -> str:
+    for preps, verbs, bare, kind in _ROWS[what]:
+        if prep in preps.split() or verb in verbs.split() or (not prep and verb in bare.split()):
+            return kind
+    return ""
+
+
+def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
+    """Return the stop of a clause at a target after a preposition."""
+    place = _PLACE.get(prep, "at")
+    if clause.until:
+        place = "past" if clause.verb == "pass" else "before" if clause.before else place
+    if target.what == "room":
+        if clause.verb == "leave":
+            return None
+        if place == "past":
+            return target.claim("see")
+        reached = clause.until and clause.verb in ("enter", "reach") and place == "at"
+        place = "inside" if reached or prep == "along" else place
+    elif target.what == "door":
+        place = "doorway" if prep == "in" else "past" if place == "past" else "at"
+    elif place in ("inside", "outside"):
+        place = "at"
+    return target.claim("stop", place=place)
+
+
+def forbidden(claims: Sequence[Claim]) -> list[Claim]:
+    """Return what a negated clause says: rooms that are not entered."""
+    kinds = ("enter", "in", "leave", "stop", "door")
+    return [
+        Claim("avoid", "room", c.name)
+        for c in claims
+        if c.what == "room" and c.kind in kinds and c.name
+    ]
+
+
+def sided(claims: list[Claim], n: int, side: str) -> None:
+    """Give claim `n` of a list a side."""
+    claims[n] = replace(claims[n], side=side)
