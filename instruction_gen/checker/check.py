@@ -45,14 +45,22 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     problems = form_problems(text)
     if problems:
         return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
-    delivered = bool(steps)
-    steps = tuple(steps) or tuple(read_text(text))
-    found: list[tuple[int, str]] = []
-    if delivered:
-        found += accounting_problems(steps, text)
-    else:
-        found += [(k, fault) for k, step in enumerate(steps) for fault in step.faults]
-        found += _idle_sentences(text, steps)
+    if steps:
+        return _judged(text, tuple(steps), ground, accounting_problems(steps, text))
+    verdicts = []
+    for aside in (False, True):
+        read = tuple(read_text(text, aside))
+        faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]
+        verdicts.append(_judged(text, read, ground, faults + _idle_sentences(text, read)))
+        if verdicts[-1].ok:
+            return verdicts[-1]
+    return verdicts[0]
+
+
+def _judged(
+    text: str, steps: Sequence[Step], ground: Ground, found: list[tuple[int, str]]
+) -> Verdict:
+    """Return the verdict, given what is wrong with the words of the steps."""
     owners = [k for k, step in enumerate(steps) for _ in step.claims]
     claims = [claim for step in steps for claim in step.claims]
     if not any(c.kind == "stop" for c in claims):
@@ -60,13 +68,13 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     found += [(owners[p.index], p.reason) for p in check_order(claims, owners, ground)]
     clauses, at = [], 0
     for number, step in enumerate(steps):
-        start = max(text.find(step.words, at), 0) if delivered else step.start
+        start = max(text.find(step.words, at), 0)
         at = start + len(step.words)
         reasons = tuple(dict.fromkeys(r for k, r in found if k == number))
         clauses.append((start, at, reasons))
     every = tuple(dict.fromkeys(reason for _, reason in found))
-    unchecked = () if delivered else tuple(w for step in steps for w in step.unchecked)
-    return Verdict(every, tuple(clauses), unchecked, steps)
+    unchecked = tuple(w for step in steps for w in step.unchecked)
+    return Verdict(every, tuple(clauses), unchecked, tuple(steps))
 
 
 def _idle_sentences(text: str, steps: Sequence[Step]) -> list[tuple[int, str]]:

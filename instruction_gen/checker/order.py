@@ -11,13 +11,15 @@ import numpy as np
 
 from ..facts.records import TurnFact
 from ..language.claims import Claim
-from .ground import Ground, Mask, Place, answers_to, room_names, spread
+from .ground import Ground
+from .things import Mask, Place, room_names, spread
 
 States = dict[int, Mask]
 
 CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
-_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 88.0, 55.0, 125.0
+_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG, _MOST_DEG = 88.0, 55.0, 125.0, 160.0
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
+_START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
 _ORDER_M = 1.0  # things this near to each other may be passed in either order
 _SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 1.0, "enter": 1.0, "leave": 1.0,
@@ -89,8 +91,9 @@ class _Walk:
             }[claim.kind](claim)  # fmt: skip
         if claim.kind in ("door", "enter", "leave", "in"):
             return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
+        since = min(int(np.argmax(here)) for here in self.states.values())
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
-            claim
+            claim, max(0, since - 4)
         )
 
     def _place(self, claim: Claim) -> str:
@@ -156,7 +159,7 @@ class _Walk:
             limit = self._limit(made, first)
             tight = None if self.tight is None else self.tight.get(made)
             for k in range(made, len(self.turns)):
-                if self.turns[k].along_m > limit or self._skips(made, k, first, claim):
+                if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
                     break
                 for end in self._bends(k, claim):
                     last = self.turns[end - 1].along_m
@@ -183,13 +186,13 @@ class _Walk:
         self.states, self.tight = result, None
         return ""
 
-    def _skips(self, made: int, k: int, first_m: float, claim: Claim) -> bool:
+    def _skips(self, made: int, k: int, here: Mask, claim: Claim) -> bool:
         """Return whether an unclaimed clear turn to the other side lies before turn `k`."""
+        last_m = float(self.along[here][-1])
         return any(
-            t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > first_m - 0.5
-            and self.leads[j] >= self.index - 1
-            for j, t in enumerate(self.turns[:k]) if j >= made
-        )  # fmt: skip
+            t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > last_m - 1.0
+            for t in self.turns[made:k]
+        )
 
     def _mistaken(self, made: int, claim: Claim) -> bool:
         """Return whether a slight bend must be a turn of the path that goes to the other side.
@@ -218,7 +221,7 @@ class _Walk:
             if j > k and turn.along_m - self.turns[j - 1].along_m > _ONE_BEND_M:
                 break
             total += abs(turn.angle_deg)
-            if self._is(claim, self.turns[k].side, total):
+            if self._is(claim, self.turns[k].side, total) and (j == k or total <= _MOST_DEG):
                 result.append(j + 1)
         return result
 
@@ -278,21 +281,10 @@ class _Walk:
 
     def _elsewhere(self, claim: Claim) -> str:
         """Return why a thing to stop at must be one in a room that the path only goes through."""
-        rooms = [c for c in self.claims[: self.index] if c.kind != "stop"]
-        if (
-            claim.what != "thing"
-            or claim.room
-            or not rooms
-            or rooms[-1].kind not in ("enter", "in")
-        ):
-            return ""
-        names, facts = room_names(rooms[-1].name), self.ground.facts
-        if not names or names & {facts.goal_room, *facts.goal_rooms}:
-            return ""
-        twins = [m for m in facts.landmarks if m.room in names and answers_to(m, claim.name)]
-        return (
-            f"the {claim.name} in the {rooms[-1].name} is not where the path ends" if twins else ""
-        )
+        since = min(int(np.median(np.flatnonzero(here))) for here in self.states.values())
+        if claim.what == "thing" and not claim.room and self.ground.met_before_end(claim, since):
+            return f"the first {claim.name} on the way is not where the path ends"
+        return ""
 
     # turns that are not claimed ---------------------------------------------------------------
 
@@ -314,7 +306,9 @@ class _Walk:
     def _leads(self, turn: TurnFact) -> int:
         """Return the number of the first claim that leads around a turn, −1 for a slight turn."""
         ground = self.ground
-        if abs(turn.angle_deg) < CLEAR_DEG or turn.along_m > ground.length_m - 0.9:
+        last = turn.along_m > ground.length_m - 0.9
+        first = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
+        if abs(turn.angle_deg) < CLEAR_DEG or first or last:
             return -1
         doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
@@ -325,11 +319,12 @@ class _Walk:
                 continue
             if claim.kind == "pass" and claim.degree == "slight":
                 return index  # the way around a thing bends
-            if claim.kind in ("stop", "reach", "pass"):
+            if claim.kind == "stop" and ground.stop_in_view(claim)[k]:
+                return index
+            if claim.kind in ("reach", "pass"):
                 mask, reason = ground.seen_at(Claim("see", "thing", claim.name, room=claim.room))
-                at_m = ground.abeam_m(claim)
-                ahead = claim.kind == "stop" or (at_m or ground.length_m) > turn.along_m
-                if not reason and ahead and bool(mask[k]):
+                ahead = (ground.abeam_m(claim) or ground.length_m) > turn.along_m
+                if not reason and ahead and mask[k]:
                     return index
         return len(self.claims)
 

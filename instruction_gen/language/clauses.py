@@ -9,9 +9,9 @@ from .words import DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT,
 
 _BREAKS = frozenset(",:—–-()")
 _ENDS = frozenset(".!?;")
-_SUBJECTS = frozenset("you going entering reaching passing it".split())
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
+_AUXILIARY = frozenset("have has had having will should just already".split())
 _NOT_VERB_AFTER = frozenset("left right next other far dead front near".split())
 _ALSO_NOUNS = frozenset("round clear open clean water bend".split())
 _GOES = frozenset("opens open leads lead runs goes comes takes".split())
@@ -72,8 +72,8 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
         elif word == "UNTIL" or (word in ("before", "after") and _begins(tokens, k + 1)):
             result.append(Clause([], "", sentence, until=True, before=word == "before"))
         else:
-            mark = token.text == "TURN_AROUND"
-            if (mark or verb_at(tokens, k) in _OWN) and result[-1].has_verb:
+            own = word == "TURN_AROUND" or verb_at(tokens, k) in _OWN
+            if own and result[-1].has_verb and not (k and tokens[k - 1].text in _AUXILIARY):
                 result.append(Clause([], sentence=sentence))
             result[-1].tokens.append(token)
     return result
@@ -81,7 +81,9 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
 
 def _begins(tokens: Sequence[Token], k: int) -> bool:
     """Return whether a clause with a verb of its own begins: `before you reach the sofa`."""
-    return k < len(tokens) and tokens[k].text in _SUBJECTS
+    if k < len(tokens) and tokens[k].text in ("you", "it"):
+        k += 1
+    return k < len(tokens) and tokens[k].text not in _ENDS and bool(verb_at(tokens, k))
 
 
 def verb_at(tokens: Sequence[Token], k: int) -> str:

@@ -52,10 +52,14 @@ _PART_WORDS = frozenset(
 )
 
 
-def read_text(text: str) -> list[Step]:
-    """Return the steps of a text in order, the stop last."""
+def read_text(text: str, aside: bool = False) -> list[Step]:
+    """Return the steps of a text in order, the stop last.
+
+    Args:
+        aside: a side alone between commas is that of the thing before it, not a turn.
+    """
     clauses = clauses_of(tokenize(text))
-    reader = _Reader()
+    reader = _Reader(aside)
     for clause in clauses:
         reader.read(clause)
     arrange(clauses)
@@ -81,7 +85,8 @@ def _is_content(word: str) -> bool:
 class _Reader:
     """Reads clause after clause; what a pronoun means and what a phrase inherits come before."""
 
-    def __init__(self) -> None:
+    def __init__(self, aside: bool) -> None:
+        self.aside = aside
         self.before: Clause | None = None
         self.sentence: list[Clause] = []  # the clauses before in the same sentence
         self.thing: Claim | None = None  # what `it` means
@@ -137,10 +142,7 @@ class _Reader:
             clause.negated = clause.negated or before.negated
 
     def _listed_side(self, clause: Clause) -> bool:
-        """Give a side that is a clause of its own to what is named before: `…, both on the left`.
-
-        A side alone between commas may as well be a turn: it claims nothing.
-        """
+        """Give a side that is a clause of its own to what is before: `…, both on the left`."""
         tokens, before = clause.tokens, self.before
         k = next((k for k in range(len(tokens)) if read_side(tokens, k)), -1)
         if k < 0 or before is None or not (clause.joint or clause.until):
@@ -155,10 +157,10 @@ class _Reader:
         ):  # fmt: skip
             return False
         both = "both" in rest or "all" in rest
-        if not placed and not both and clause.joint != "(":
-            return clause.joint in (",", "-", "–", "—") and bool(
-                last and last.what and not last.side
-            )
+        if not placed and not both and clause.joint != "(" and not (
+            self.aside and clause.joint in (",", "-", "–", "—")
+        ):  # fmt: skip
+            return False
         if {"two", "three", "one"} & set(rest):
             return True  # as many again: what they are is said before
         targets = [(c, n) for c in self.sentence for n, x in enumerate(c.claims)
@@ -179,17 +181,18 @@ class _Reader:
             if (distance := read_distance(tokens, k)) is not None:
                 metres, vague, end = distance
                 clause.used.update(range(k, end))
-                past = end < len(tokens) and PREP_OF.get(tokens[end].text) in _OFFSETS
-                if not past and not clause.negated:
+                offset = end < len(tokens) and PREP_OF.get(tokens[end].text) in _OFFSETS
+                if not clause.negated and (not offset or clause.verb == "go"):
                     claims.append(Claim("walk", metres=metres, vague=vague))
                 k = end
             elif (read := read_side(tokens, k)) is not None:
                 side_next = self._side(clause, k, *read) or side_next
                 k = read[2]
             elif word in _MARKS or word == "TURN_AROUND":
-                claims.append(
-                    self._marked(word) if word in _MARKS else Claim("turn", side="around")
-                )
+                if word == "TURN_AROUND":
+                    claims.append(Claim("turn", side="around"))
+                elif not clause.until:  # "as you go in" says when, not what to do
+                    claims.append(self._marked(word))
                 clause.used.add(k)
                 k += 1
             elif (part := _part_end(tokens, k)) > k:

@@ -108,7 +108,7 @@ exit out|coming out=GO_OUT
 go through|walk through|step through|head through|pass through|going through|
 walking through|passing through=GO_THROUGH
 so that|such that|until|till|once|when|as soon as|by the time|the moment|as you|as|where|
-after you|after passing|before you|if=UNTIL
+after you|after passing|if=UNTIL
 both sides|either side|each side|side by side|right away|right now|straight away|all right|
 all the way|the rest of the way|right angle|at right angles|of course|by now|the other way|
 on your way|along the way|on the way|in a straight line|straight on|straight ahead|dead ahead|

@@ -1,0 +1,288 @@
+"""Where along a path a thing is passed, seen, reached, or stopped at."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..facts.doors import DOOR
+from ..facts.geometry import MOMENT_M
+from ..facts.records import PathFacts
+from ..language.claims import Claim
+from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, OBJECT_PHRASES, ROOM_PHRASES
+from ..language.nouns import called, room_answers
+
+Mask = NDArray[np.bool_]
+Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
+
+PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
+# How far from a thing the path may end, by the claim's place.
+_STOP_M = {"before": 2.8, "past": 2.8, "between": 2.4}
+_STOP_SIDED_M = {"": 1.8, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
+_TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
+_ONE_PLACE_M = 3.0  # things of a name that are met this close together may all be meant
+_VISIBLE_PIXELS = 12
+_SIDE_DEG = (8.0, 172.0)
+_CLEAR_SIDE_DEG = 25.0
+_THROUGH_M = 0.4
+
+
+class Things:
+    """The things beside one path over S places, a quarter of a metre apart."""
+
+    def __init__(self, facts: PathFacts):
+        """Spread the landmarks' moments over the path."""
+        self.facts = facts
+        self.length_m = facts.length_m
+        samples = max(2, round(facts.length_m / MOMENT_M) + 1)
+        self.along_m: NDArray[np.float64] = np.linspace(0.0, facts.length_m, samples).astype(float)
+        shape = (len(facts.landmarks), samples)
+        self.distance, self.bearing = np.full(shape, np.inf), np.zeros(shape)
+        self.facing = np.full(shape, 180.0)
+        self.open, self.seen = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+        for n, mark in enumerate(facts.landmarks):
+            for m in mark.moments:
+                k = min(max(round(m.along_m / self.along_m[1]), 0), samples - 1)
+                self.distance[n, k], self.bearing[n, k] = m.distance_m, m.bearing_deg
+                self.facing[n, k], self.open[n, k] = m.facing_deg, m.open
+                self.seen[n, k] = m.open or m.pixels >= _VISIBLE_PIXELS
+        self.near_m = np.where(self.open | (self.distance <= _TOUCH_M), self.distance, np.inf)
+        rooms = [self._room_at(along) for along in self.along_m]
+        own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
+        self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
+
+    def _room_at(self, along_m: float) -> str:
+        visits = self.facts.visits
+        return next((v.room for v in visits if along_m <= v.to_m), visits[-1].room)
+
+    def between(self, low_m: float, high_m: float) -> Mask:
+        """Return the places between two distances along the path."""
+        return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
+
+    def passed(self, claim: Claim, since: int = 0) -> Place:
+        """Return where a thing is beside the walker, from place `since` on where it is."""
+        abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
+        abeam |= self.distance <= 0.3  # a rug that is walked over
+        near = (self.near_m <= PASS_M) & abeam & self._nearest()
+        if claim.side:  # ahead where it is never abeam
+            ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
+            near |= ahead & ~near.any(axis=1, keepdims=True)
+        return self._where(claim, near, "is not beside the path", since)
+
+    def _nearest(self) -> Mask:
+        """Return (N, S) where things are about as near as they get within 2 m of walking."""
+        window = max(1, round(2.0 / self.along_m[1]))
+        padded = np.pad(self.near_m, ((0, 0), (window, window)), constant_values=np.inf)
+        views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
+        return self.near_m <= views.min(axis=2) + 0.5
+
+    def seen_at(self, claim: Claim, since: int = 0) -> Place:
+        """Return where a thing is in view; one on a side is nearby."""
+        mask = self.seen & (np.abs(self.bearing) <= 125.0)
+        if claim.side in ("left", "right"):
+            near = (self.near_m <= PASS_M) & self._nearest()
+            return self._where(claim, mask & (self.distance <= BESIDE_M) & self._nearest() | near,
+                               "is never in view", since)  # fmt: skip
+        mask = mask & (self.distance <= SEE_M) | (self.near_m <= PASS_M)
+        return self._where(claim, mask, "is never in view")
+
+    def reached(self, claim: Claim, since: int = 0) -> Place:
+        """Return where a thing is at hand, or close ahead."""
+        ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) <= 60.0)
+        return self._where(claim, (self.near_m <= REACH_M) | ahead, "is not reached", since)
+
+    def stopped_at(self, claim: Claim) -> str:
+        """Return why the path does not stop at a thing, "" where it does."""
+        return self._where(claim, self._at_end(claim), "is not at the end of the path")[1]
+
+    def _at_end(self, claim: Claim) -> Mask:
+        """Return (N, S) where things are at the end, as the claim says that they are."""
+        last = np.zeros_like(self.open)
+        reach_m = max(_STOP_M.get(claim.place, 0.0), _STOP_SIDED_M[claim.side])
+        last[:, -2:] = self.near_m[:, -2:] <= reach_m
+        bearing = np.abs(self.bearing)
+        if claim.place == "past":
+            last[:, -1] &= (bearing[:, -1] >= 60.0) & (self.distance[:, -1] <= reach_m)
+            last[:, -2] = False
+        elif claim.place == "before":
+            last &= (bearing <= 105.0) | (self.near_m <= 0.6)
+        return last
+
+    def stop_in_view(self, claim: Claim) -> Mask:
+        """Return where a thing that the path stops at is in view."""
+        rows = [n for n in self.meant(claim) if self._at_end(claim)[n].any()]
+        view = self.seen[rows] & (self.distance[rows] <= SEE_M)
+        return np.asarray((view & (np.abs(self.bearing[rows]) <= 125.0)).any(axis=0))
+
+    def abeam_m(self, claim: Claim) -> float | None:
+        """Return where a thing is passed [m]; None if several may be meant."""
+        near = [n for n in self.meant(claim) if (self.near_m[n] <= PASS_M).any()]
+        if len(near) != 1:
+            return None
+        across = np.abs(np.abs(self.facing[near[0]]) - 90.0) / 15.0 + self.near_m[near[0]]
+        return float(self.along_m[np.argmin(across)])
+
+    def met_before_end(self, claim: Claim, since: int) -> bool:
+        """Return whether a walker who stops at the first such thing stops in an earlier room."""
+        chosen, room = self.meant(claim), self.facts.goal_room
+        if not chosen or claim.ordinal:
+            return False
+        at = (self.near_m[chosen] <= _STOP_SIDED_M[""]) & self._own[chosen]
+        at[:, :since] = False
+        at[:, self.along_m > self.facts.visits[-1].from_m - 1.0] = False
+        return bool(at.any()) and any(self.facts.landmarks[n].room != room for n in chosen)
+
+    def _where(self, claim: Claim, mask: Mask, fault: str, since: int | None = None) -> Place:
+        """Restrict a mask (N, S) to the things that a claim may mean.
+
+        Args:
+            since: the first place where the walker may be: what he meets first is meant.
+        """
+        nothing = np.zeros(len(self.along_m), dtype=bool)
+        name = claim.name or "doorway"
+        chosen = self.meant(claim)
+        if not chosen:
+            known = any(called(n, name) for n in self.facts.level_nouns)
+            return nothing, f"there is no {name} {'on the route' if known else 'in this scene'}"
+        for kind, value in (("material", claim.material), ("colour", claim.colour)):
+            # What neither label nor picture says of any of them cannot be checked.
+            looks = [self._looks(n, kind) for n in chosen]
+            if value and any(looks):
+                chosen = [n for n, own in zip(chosen, looks, strict=True) if value in own]
+            if not chosen:
+                return nothing, f"nothing says that the {name} is {value}"
+        if since is not None and not claim.ordinal and claim.what == "thing":
+            chosen = self._first_met(chosen, mask, since)
+        here = mask[chosen]
+        if not here.any():
+            return nothing, f"the {name} {fault}"
+        if claim.side in ("left", "right", "ahead", "behind"):
+            here = here & self.sided(chosen, claim.side, here)
+            if not here.any():
+                return nothing, f"the {name} is not {spoken_side(claim.side)}"
+        if claim.ordinal:
+            here = here & self.ordinal(chosen, claim)[:, None]
+            if not here.any():
+                return nothing, f"that is not {name} number {claim.ordinal}"
+        result = np.asarray(here.any(axis=0))
+        if claim.count > 1:
+            result = result & self._counted(chosen, claim.count)
+            if not result.any():
+                return nothing, f"there are not {claim.count} of them ({name})"
+        return result, ""
+
+    def _first_met(self, chosen: list[int], mask: Mask, since: int) -> list[int]:
+        """Return the things that are met first, of those in the walker's own room if any are."""
+        here = mask[chosen].copy()
+        here[:, :since] = False
+        own = (here & self._own[chosen]).any(axis=1)
+        rows = [k for k in range(len(chosen)) if (own[k] if own.any() else here[k].any())]
+        if not rows:
+            return chosen
+        first = {k: float(self.along_m[np.argmax(here[k])]) for k in rows}
+        limit = min(first.values()) + _ONE_PLACE_M
+        return [chosen[k] for k in rows if first[k] <= limit]
+
+    def meant(self, claim: Claim) -> list[int]:
+        """Return the things that a claim may mean, by name and room."""
+        marks = list(enumerate(self.facts.landmarks))
+        if claim.what == "door":
+            names = room_names(claim.room)
+            return [n for n, m in marks if m.noun == DOOR
+                    and (not names or self._leads_to(n, names))]  # fmt: skip
+        found = [n for n, m in marks if called(m.noun, claim.name)]
+        head, _, kind = claim.name.rpartition(" ")
+        if not found and head and room_names(head):
+            found = [n for n, m in marks if called(m.noun, kind) and m.room in room_names(head)]
+        if not found and head and head in OBJECT_PHRASES:
+            present = any(called(m.noun, head) for _, m in marks)
+            found = [n for n, m in marks if called(m.noun, kind)] if present else []
+        if claim.room:
+            return [n for n in found if self.facts.landmarks[n].room in room_names(claim.room)]
+        return found
+
+    def _leads_to(self, n: int, names: frozenset[str]) -> bool:
+        """Return whether a doorway leads to or from a room."""
+        facts, door = self.facts, self.facts.landmarks[n]
+        if door.room in names:
+            return True
+        for p in facts.passages:
+            k = int(np.argmin(np.abs(self.along_m - p.along_m)))
+            if self.distance[n, max(k - 1, 0) : k + 2].min() <= _THROUGH_M:
+                return bool({p.from_room, p.to_room} & names)
+        visit = next((v for v in facts.visits if v.to_m >= door.along_m - 0.3), None)
+        if visit is not None and door.room not in ("", visit.room):
+            return False  # it is that of another room
+        near_goal = door.goal_distance_m <= 2.6
+        if near_goal and names & {*facts.goal_rooms, *facts.goal_near_rooms}:
+            return True
+        if door.distance_m <= 1.2 and door.along_m <= 1.0 and names & set(facts.start_rooms):
+            return True
+        # A door that is only passed: to which of the rooms behind it leads is not in the facts.
+        return not near_goal and visit is not None and bool(names & set(visit.beyond))
+
+    def _looks(self, n: int, kind: str) -> set[str]:
+        mark = self.facts.landmarks[n]
+        if kind == "material":
+            return {mark.material} - {""}
+        own = {mark.colour, INNATE_COLOURS.get(mark.noun, "")} - {""}
+        return own | {near for colour in own for near in COLOUR_NEIGHBOURS.get(colour, ())}
+
+    def sided(self, chosen: list[int], side: str, where: Mask | None = None) -> Mask:
+        """Return (N, S) where things are on a side; ahead of the walker is on neither.
+
+        Unless they are never clearly on one at the places `where` (N, S).
+        """
+        bearing, facing = self.bearing[chosen], self.facing[chosen]
+        if side == "ahead":
+            return np.minimum(np.abs(facing), np.abs(bearing)) <= 50.0
+        if side == "behind":
+            return np.maximum(np.abs(facing), np.abs(bearing)) >= 75.0
+        sign = 1 if side == "left" else -1
+        low, high = _SIDE_DEG
+        beside = (sign * bearing > low) & (sign * bearing < high)
+        loose = beside | ((sign * facing > low) & (sign * facing < high) & (np.abs(bearing) <= low))
+        if where is None:
+            return loose
+        clear = where & (np.abs(bearing) >= _CLEAR_SIDE_DEG) & (np.abs(bearing) <= 155.0)
+        some = np.asarray(clear.any(axis=1, keepdims=True))
+        return np.where(some, loose & clear, loose)
+
+    def ordinal(self, chosen: list[int], claim: Claim) -> Mask:
+        """Return which things have an ordinal, counted from the start, in a room, or on a side."""
+        marks = self.facts.landmarks
+        near = [n for n in chosen if (self.near_m[n] <= BESIDE_M).any()]
+        near.sort(key=lambda n: marks[n].along_m)
+        rows = [near]
+        if claim.side in ("left", "right"):
+            on_side = self.sided(near, claim.side) & (self.near_m[near] <= BESIDE_M)
+            rows.append([n for n, row in zip(near, on_side, strict=True) if row.any()])
+        for visit in self.facts.visits:
+            for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
+                rows += [[n for n in row if first_m <= marks[n].along_m <= visit.to_m + 0.5]
+                         for row in rows[:2]]  # fmt: skip
+        k = claim.ordinal - 1 if claim.ordinal > 0 else -1
+        right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
+        return np.array([n in right for n in chosen], dtype=bool)
+
+    def _counted(self, chosen: list[int], number: int) -> Mask:
+        def around(reach_m: float) -> NDArray[np.int64]:
+            rows = self.near_m[chosen] <= reach_m
+            return np.sum([spread(row, self.along_m, 1.5) for row in rows], axis=0)
+
+        return (around(1.2) <= number) & (number <= around(4.5))
+
+
+
+def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
+    """Return the places within `by_m` of those in `mask`."""
+    k = max(1, round(by_m / along_m[1]))
+    return np.convolve(mask, np.ones(2 * k + 1), mode="same")[: len(mask)] > 0.5
+
+
+def room_names(name: str) -> frozenset[str]:
+    """Return the canonical rooms that a phrase may mean."""
+    return frozenset(r for r in ROOM_PHRASES.get(name, ()) if name in room_answers(r))
+
+
+def spoken_side(side: str) -> str:
+    """Return a side in words."""
+    return {"ahead": "ahead", "behind": "behind the walker"}.get(side, f"on the {side}")
