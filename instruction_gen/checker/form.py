@@ -5,7 +5,7 @@ import unicodedata
 
 MIN_WORDS, MAX_WORDS = 3, 150
 MAX_CHARACTERS = 1000
-_FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=+]|https?:|www\.|://", re.IGNORECASE)
+_FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=]|https?:|www\.|://", re.IGNORECASE)
 _LIST = re.compile(r"(?:^|\s)(?:\d{1,2}|[a-h]|i{1,3}|iv)[.)]\s|(?:^|\n)\s*[-•]", re.IGNORECASE)
 # "You see the sofa, right?" asks nothing.
 _QUESTION = re.compile(
@@ -14,7 +14,7 @@ _QUESTION = re.compile(
     re.IGNORECASE,
 )
 _FIRST_PERSON = re.compile(
-    r"\b(?:I(?! want| need|'d like|'ll be)|my|sorry|cannot|as an ai|certainly|sure thing|"
+    r"\b(?:I(?:'m| am| can\w*| will| do| have)|my|sorry|cannot|as an ai|certainly|sure thing|"
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,
 )

@@ -271,7 +271,6 @@ class Things:
         return (around(1.2) <= number) & (number <= around(4.5))
 
 
-
 def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
     """Return the places within `by_m` of those in `mask`."""
     k = max(1, round(by_m / along_m[1]))

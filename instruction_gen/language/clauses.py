@@ -7,14 +7,15 @@ from .claims import Claim
 from .tokens import Token
 from .words import DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT, VERB_OF
 
-_BREAKS = frozenset(",:—–-()")
+_BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
 _AUXILIARY = frozenset("have has had having will should just already".split())
-_NOT_VERB_AFTER = frozenset("left right next other far dead front near".split())
+_NOT_VERB_AFTER = frozenset("'s one left right next other far dead front near".split())
 _ALSO_NOUNS = frozenset("round clear open clean water bend".split())
-_GOES = frozenset("opens open leads lead runs goes comes takes".split())
+_GOES = frozenset("leads lead runs goes comes takes".split())
+_OPENS = frozenset("opens open".split())  # "the kitchen opens on your left"
 
 
 @dataclass
@@ -94,14 +95,13 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     kind = VERB_OF.get(word, "")
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-    noun = (
-        (before in DETERMINERS and before not in ("that", "this", "both", "all"))
-        or before in ORDINALS or before in SLIGHT or before in SHARP or before in _NOT_VERB_AFTER
-    )  # fmt: skip
+    noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
+        before in table for table in (ORDINALS, SLIGHT, SHARP, _NOT_VERB_AFTER)
+    )
     if not kind or (noun and kind != "see" and word not in ("leads", "opens")):
         return ""
     if (word in PARTS and after == "of") or (
         word in _ALSO_NOUNS and (not after or after in PREP_OF)
     ):
         return ""
-    return "go" if word in _GOES else kind
+    return "go" if word in _GOES else "see" if word in _OPENS else kind

@@ -40,7 +40,7 @@ cabinet=cupboard
 kitchen cabinet=<cabinet,cupboard
 wall cupboard=wall cabinet<cupboard,cabinet
 shoe cabinet=shoe unit,shoe dresser,shoe locker,
-shoe cupboard,shoe storage,shoe closet,shoe chest<cabinet,cupboard
+shoe cupboard,shoe storage,shoe closet,shoe chest,shoes<cabinet,cupboard
 shoe rack=<rack,shelf
 tv stand=television stand,tv unit,media console,tv console,tv table,tv bench,
 entertainment center,media unit,television unit<stand,cabinet
@@ -52,7 +52,7 @@ bookshelf=bookrack,book rack,wall of books,
 bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
 shelf=shelves,shelving,shelving unit
 rack=
-coat rack=coat hooks,coat hangers,clothes stand,clothes hanger,
+coat rack=coat hooks,coat hangers,coats,jackets,clothes stand,clothes hanger,
 coat pegs,hat rack,coat rail,hanger stand,
 coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
 hall tree<rack,stand

@@ -25,7 +25,6 @@ from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.llm.brief import brief
 from vlnpe.instruction_gen.llm.budget import BudgetError
 from vlnpe.instruction_gen.llm.client import Client, ModelDownError, ModelError
-from vlnpe.instruction_gen.llm.foreign import foreign_problems
 from vlnpe.instruction_gen.llm.settings import LlmSettings, settings_from
 from vlnpe.instruction_gen.llm.writer import ModelWriter
 from vlnpe.instruction_gen.records import InstructConfig
@@ -423,17 +422,109 @@ def test_a_killed_run_goes_on_and_pays_nothing_twice(two_rooms, tmp_path):
     assert len(answered) >= 5
 
 
-def test_wrong_language_and_other_languages(two_rooms, tmp_path):
-    chinese = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
-    lying = "向前走，右转穿过门口进入厨房，然后在桌子旁边停下。"
-    english = GOOD[0]
-    for text, writers in ((chinese, ["llm"]), (lying, []), (GOOD[1], [])):
-        reply = completion(texts(text, language="zh", english=english))
-        with Server(lambda n, r, reply=reply: reply).running() as server:
-            results, _, _ = write_with(
-                server, tmp_path / str(hash(text)), two_rooms, count=1, languages=("zh",)
-            )
-        assert [one.writer for one in results] == writers  # never English in its place
+STEPS = [
+    {
+        "words": "Turn left through the doorway into the kitchen",
+        "claims": [
+            {"kind": "turn", "side": "left"},
+            {"kind": "enter", "what": "room", "name": "kitchen", "side": "left"},
+        ],
+    },
+    {
+        "words": "and stop next to the table.",
+        "claims": [{"kind": "stop", "what": "thing", "name": "table"}],
+    },
+]
+
+
+def with_claim(step, **claim):
+    """Return `STEPS` with the first claim of a step changed."""
+    first, *rest = STEPS[step]["claims"]
+    changed = STEPS[step] | {"claims": [first | claim, *rest]}
+    return [*STEPS[:step], changed, *STEPS[step + 1 :]]
+
+
+def test_a_models_claims_are_checked_and_kept(two_rooms, tmp_path):
+    with Server(lambda n, r: completion(texts(STEPS))).running() as server:
+        (text,), _, _ = write_with(server, tmp_path, two_rooms, count=1)
+    assert text.text == "Turn left through the doorway into the kitchen and stop next to the table."
+    assert text.record()["claims"] == STEPS and "unchecked" not in text.record()
+    schema = json.dumps(server.requests[0]["response_format"]["json_schema"]["schema"])
+    assert '"doorway"' in schema and '"reach"' in schema  # what a claim may say
+
+
+@pytest.mark.parametrize(
+    ("steps", "complaint"),
+    [
+        (with_claim(0, side="right"), "no claim says left"),
+        (with_claim(1, name="sofa"), "no claim is about the table"),
+        (with_claim(1, kind="hover"), "unknown claim's kind 'hover'"),
+        (with_claim(1, count="two"), "claim's count 'two'"),
+        ([STEPS[0] | {"words": "Turn right into the kitchen"}, STEPS[1]], "no claim says right"),
+        ([*STEPS, {"words": "Sing.", "claims": []}], "claims nothing"),
+    ],
+)
+def test_a_model_hears_what_is_wrong_with_its_claims(two_rooms, tmp_path, steps, complaint):
+    def script(number, request):
+        return completion(texts(steps if number == 1 else STEPS))
+
+    with Server(script).running() as server:
+        (text,), _, _ = write_with(server, tmp_path, two_rooms, count=1)
+    assert complaint in server.requests[1]["messages"][-1]["content"]
+    assert (text.writer, text.attempts) == ("llm", 2)
+
+
+UNSURE = "Turn left through the doorway into the kitchen, not far, and stop next to the table."
+
+
+def test_words_without_a_claim_are_asked_for_and_then_marked(two_rooms, tmp_path):
+    with Server(lambda n, r: completion(texts(UNSURE))).running() as server:
+        (text,), _, _ = write_with(server, tmp_path, two_rooms, count=1)
+    assert len(server.requests) == 3
+    assert "no claim covers: not" in server.requests[1]["messages"][-1]["content"]
+    assert text.record()["unchecked"] == ["not"]
+
+
+CHINESE = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
+HINDI = "आगे चलें, बाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।"
+
+
+def translated(text, back):
+    """Return a script that writes a text, and translates it back."""
+
+    def script(number, request):
+        asked = request["messages"][0]["content"].startswith("You translate")
+        assert not asked or request["messages"][1]["content"] == text  # and no facts
+        return completion(texts(back if asked else text))
+
+    return script
+
+
+@pytest.mark.parametrize(("text", "language"), [(CHINESE, "zh"), (HINDI, "hi")])
+@pytest.mark.parametrize(
+    ("back", "writers", "unchecked"),
+    [
+        (STEPS, ["llm"], False),
+        (LIE, [], False),
+        (with_claim(0, side="right"), [], False),
+        (UNSURE, ["llm"], True),
+        (with_claim(1, kind="hover"), ["llm"], True),
+        ("", [], False),
+    ],
+)
+def test_a_translation_is_checked_by_translating_it_back(
+    two_rooms, tmp_path, text, language, back, writers, unchecked
+):
+    with Server(translated(text, back)).running() as server:
+        results, _, _ = write_with(server, tmp_path, two_rooms, count=1, languages=(language,))
+    assert [one.writer for one in results] == writers  # never English in its place
+    assert all(bool(one.unchecked) == unchecked and one.text == text for one in results)
+    assert unchecked or all(one.record()["claims"] == STEPS for one in results)
+
+
+def test_a_text_in_another_language_than_asked_for_is_refused(two_rooms, tmp_path):
+    with Server(translated(GOOD[1], STEPS)).running() as server:
+        assert write_with(server, tmp_path, two_rooms, count=1, languages=("zh",))[0] == []
 
 
 def test_an_answer_with_the_key_is_neither_kept_nor_used(two_rooms, tmp_path):
@@ -489,59 +580,3 @@ def test_settings_come_from_the_environment_alone():
         settings_from(good, max_cost=1.0)
     with pytest.raises(InputError, match="VLNPE_GGUF"):
         settings_from({}, local=True)
-
-
-ENGLISH = "Walk forward, turn left into the kitchen, go three metres and stop next to the table."
-
-
-@pytest.mark.parametrize(
-    ("text", "language", "complaint"),
-    [
-        ("向前走，左转进入厨房，走三米，在桌子旁边停下。", "zh", ""),
-        ("向前走，右转进入厨房，走三米，在桌子旁边停下。", "zh", "sides"),
-        ("向前走，左转进入厨房，走五米，在桌子旁边停下。", "zh", "metres"),
-        ("向前走，左转进入浴室，走三米，在桌子旁边停下。", "zh", "浴室"),
-        ("向前走，左转进入厨房，走三米，在钢琴旁边停下。", "zh", "钢琴"),
-        ("向前走，左转进入厨房，一直走到桌子旁边。", "zh", "where to stop"),
-        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, तीन मीटर चलें और मेज के पास रुकें।", "hi", ""),
-        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, पाँच मीटर चलें और मेज के पास रुकें।", "hi", "metres"),
-        ("आगे चलें, बाएँ मुड़ें, रसोई में जाएँ, तीन मीटर चलें और पियानो के पास रुकें।", "hi", "पियानो"),
-        ("Avancez, tournez à gauche dans la cuisine et arrêtez-vous.", "hi", "not in the language"),
-    ],
-)
-def test_other_languages_are_compared_with_their_english(text, language, complaint):
-    problems = foreign_problems(text, language, ENGLISH)
-    assert bool(problems) == bool(complaint)
-    assert not complaint or any(complaint in p for p in problems), problems
-
-
-def test_the_order_of_turns_is_compared():
-    english = "Turn left, then turn right into the kitchen and stop at the table."
-    assert not foreign_problems("左转，然后右转进入厨房，在桌子旁边停下。", "zh", english)
-    swapped = foreign_problems("右转，然后左转进入厨房，在桌子旁边停下。", "zh", english)
-    assert any("turns" in p for p in swapped)
-
-
-SOFA = (
-    "Walk past the red sofa and the two chairs, turn left at the second door and stop by the bed."
-)
-
-
-@pytest.mark.parametrize(
-    ("text", "language", "complaint"),
-    [
-        ("经过红色的沙发和两把椅子，在第二个门左转，在床边停下。", "zh", ""),
-        ("经过蓝色的沙发和两把椅子，在第二个门左转，在床边停下。", "zh", "蓝色"),
-        ("经过红色的沙发和三把椅子，在第二个门左转，在床边停下。", "zh", "三"),
-        ("经过红色的沙发和两把椅子，在第三个门左转，在床边停下。", "zh", "第三"),
-        ("经过红色的沙发和地毯，在第二个门左转，在床边停下。", "zh", "地毯"),
-        ("लाल सोफ़े और दो कुर्सियों के पास से गुज़रें, दूसरे दरवाज़े पर बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", ""),
-        ("नीले सोफ़े और दो कुर्सियों के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "नीले"),
-        ("लाल सोफ़े और तीन कुर्सियों के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "तीन"),
-        ("लाल सोफ़े के पास से गुज़रें, तीसरे दरवाज़े पर बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "तीसरे"),
-        ("लाल सोफ़े और कालीन के पास से गुज़रें, बाएँ मुड़ें और बिस्तर के पास रुकें।", "hi", "कालीन"),
-    ],
-)
-def test_other_languages_are_held_to_colours_counts_and_things(text, language, complaint):
-    problems = foreign_problems(text, language, SOFA)
-    assert any(complaint in p for p in problems) if complaint else not problems

@@ -100,9 +100,9 @@ def test_decisions_flow_into_episodes(review):
     ]
 
 
-def test_a_file_with_one_text_per_episode_is_reviewed_whole(foreign_review, two_rooms, tmp_path):
-    whole = foreign_review.path("p", "ann")
-    parts = [one for e in foreign_review.paths.values() for one in per_instruction(e)]
+def test_a_file_with_one_text_per_episode_is_reviewed_whole(by_a_model, two_rooms, tmp_path):
+    whole = by_a_model.path("p", "ann")
+    parts = [one for e in by_a_model.paths.values() for one in per_instruction(e)]
     assert len(parts) == len(whole["texts"]) == 3
     write_episodes(tmp_path / "parts.json.gz", parts)
     read = read_episodes(tmp_path / "parts.json.gz")
@@ -151,6 +151,8 @@ DECISION = b'{"annotator": "a", "path": "p0", "number": %s, "action": "accept"}'
         GET % b"/api/path?number=abc&token=TOKEN",
         GET % (b"/api/path?number=" + b"9" * 5000 + b"&token=TOKEN"),
         GET % b"/api/path?number=1e400&token=TOKEN",
+        *(GET % b"/api/path?number=%s&token=TOKEN" % number for number in (b"2", b"-1", b"")),
+        GET % b"/api/path?token=TOKEN",
         GET % b"http://[/api/path?token=TOKEN",
         *(post(b"/api/check", b"{}", size) for size in (b"abc", b"", b"-5", b"1e3", b"0x2")),
         post(b"/api/decide", b"[" * 15_000),
@@ -207,67 +209,84 @@ def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
         assert found["problems"] and any(problems for _, _, problems in found["clauses"])
 
 
-ENGLISH = "Turn left through the doorway into the kitchen and stop next to the table."
-FOREIGN = {  # true as written, as edited, and with the turn to the other side
-    "zh": (
-        "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。",
-        "左转穿过门口进入厨房，在桌子旁边停下。",
-        "右转穿过门口进入厨房，在桌子旁边停下。",
-    ),
-    "hi": (
-        "आगे चलें, बाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
-        "बाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
-        "दाएँ मुड़ें, रसोई में जाएँ और मेज के पास रुकें।",
-    ),
-}
+STEPS = [
+    {
+        "words": "Turn left through the doorway into the kitchen",
+        "claims": [
+            {"kind": "turn", "side": "left"},
+            {"kind": "enter", "what": "room", "name": "kitchen", "side": "left"},
+        ],
+    },
+    {
+        "words": "and stop next to the table.",
+        "claims": [{"kind": "stop", "what": "thing", "name": "table"}],
+    },
+]
+ENGLISH = " ".join(step["words"] for step in STEPS)
+UNSURE = "Turn left through the doorway into the kitchen, not far, and stop next to the table."
+CHINESE = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
 
 
 @pytest.fixture
-def foreign_review(two_rooms, tmp_path):
-    """A path with an English, a Chinese and a Hindi text, written by a scripted model."""
+def by_a_model(two_rooms, tmp_path):
+    """A path with two English texts, one with unchecked words, and a Chinese one, likewise."""
 
     def script(number, request):
-        wish = request["messages"][1]["content"]
-        (language,) = [one for one in ("en", "zh", "hi") if f"(language '{one}')" in wish]
-        text = FOREIGN[language][0] if language in FOREIGN else ENGLISH
-        return completion(texts(text, language=language, english=ENGLISH))
+        system, wish = (m["content"] for m in request["messages"][:2])
+        if system.startswith("You translate"):
+            return completion("no JSON")
+        return completion(texts(CHINESE) if "(language 'zh')" in wish else texts(STEPS, UNSURE))
 
     (tmp_path / "two_rooms").symlink_to(two_rooms.root)
     with Server(script).running() as server:
         llm = LlmSettings(base_url=server.url, model="scripted")
-        config = InstructConfig(writer="llm", count=1, languages=("en", "zh", "hi"), llm=llm)
+        config = InstructConfig(writer="llm", count=2, languages=("en", "zh"), llm=llm)
         made = instruct_episodes(
             [episode_of(LEFT, name="p")], tmp_path, config, 0, cache=tmp_path / "cache"
         )
+    assert made.unchecked == 1
     write_episodes(tmp_path / "told.json.gz", made.episodes)
     read = read_episodes(tmp_path / "told.json.gz")
     return Review(read, tmp_path, tmp_path / "review.jsonl")
 
 
-def test_texts_are_judged_in_their_own_language(foreign_review):
-    shown = foreign_review.path("p", "ann")["texts"]
-    assert [one["text"] for one in shown] == [ENGLISH, FOREIGN["zh"][0], FOREIGN["hi"][0]]
+def test_unchecked_words_are_shown_and_need_someone_to_vouch(by_a_model):
+    review = by_a_model
+    shown = review.path("p", "ann")["texts"]
+    assert [one["text"] for one in shown] == [ENGLISH, UNSURE, CHINESE]
     assert [one["verdict"]["problems"] for one in shown] == [[], [], []]
-    with serving(foreign_review) as address:
-        for number, language in enumerate(FOREIGN, start=1):
-            _, good, lie = FOREIGN[language]
-            body = {"annotator": "ann", "path": "p", "number": number, "action": "edit"}
-            status, answer = ask(address, "/api/decide", body | {"text": lie})
-            assert status == 409 and b"sides" in answer
-            status, answer = ask(address, "/api/decide", body | {"text": ENGLISH})
-            assert status == 409 and b"not in the language asked for" in answer
-            found = json.loads(ask(address, "/api/check", body | {"text": lie})[1])
-            assert found["problems"] and found["clauses"] == [[0, len(lie), found["problems"]]]
-            assert ask(address, "/api/decide", body | {"text": good})[0] == 200
-    kept, _ = apply_decisions(list(foreign_review.paths.values()), foreign_review.file)
-    assert kept[0].extra["instructions"] == [ENGLISH, FOREIGN["zh"][1], FOREIGN["hi"][1]]
+    assert [one["verdict"]["unchecked"] for one in shown] == [[], ["not"], [CHINESE]]
+    episodes = list(review.paths.values())
+    kept, _ = apply_decisions(episodes, review.file)
+    assert kept[0].extra["instructions"] == [ENGLISH]
+    for number in (1, 2):
+        review.decide("ann", {"path": "p", "number": number, "action": "accept"})
+    kept, _ = apply_decisions(episodes, review.file)
+    assert kept[0].extra["instructions"] == [ENGLISH, UNSURE, CHINESE]
+    records = kept[0].extra["instruction"]["texts"]
+    assert [record.get("vouched", False) for record in records] == [False, True, True]
 
 
-def test_a_text_without_its_english_is_not_said_to_be_checked(foreign_review):
-    for record in foreign_review.paths["p"].extra["instruction"]["texts"]:
-        record.pop("english", None)  # a file written before it was kept
-    problems = [one["verdict"]["problems"] for one in foreign_review.path("p", "ann")["texts"]]
-    assert problems == [[], *[["there is no English of it to check"]] * 2]
+def test_a_path_whose_texts_are_all_unchecked_says_why_it_is_left_out(by_a_model):
+    review = by_a_model
+    review.decide("ann", {"path": "p", "number": 0, "action": "reject", "reason": "dull"})
+    kept, lost = apply_decisions(list(review.paths.values()), review.file)
+    assert kept == [] and "no reviewer vouches for: not" in lost["p"]
+
+
+def test_an_edit_in_another_language_is_vouched_for_by_its_editor(by_a_model):
+    review = by_a_model
+    new = "左转穿过门口进入厨房，在桌子旁边停下。"
+    body = {"annotator": "ann", "path": "p", "number": 2, "action": "edit"}
+    with serving(review) as address:
+        status, answer = ask(address, "/api/decide", body | {"text": ENGLISH})
+        assert status == 409 and b"not in the language asked for" in answer
+        found = json.loads(ask(address, "/api/check", body | {"text": new})[1])
+        assert found["problems"] == [] and found["unchecked"] == [new]
+        assert ask(address, "/api/decide", body | {"text": new})[0] == 200
+    kept, _ = apply_decisions(list(review.paths.values()), review.file)
+    assert kept[0].extra["instructions"] == [ENGLISH, new]
+    assert kept[0].extra["instruction"]["texts"][1]["vouched"]
 
 
 @pytest.fixture
@@ -317,7 +336,7 @@ def test_the_page_in_a_browser(review, browser, tmp_path):
         until(lambda: browser.find_elements(By.CSS_SELECTOR, ".text.reject"))
         body().send_keys("u")
         until(lambda: decided()[-1] == ("undo", 1))
-        body().send_keys("n")
+        body().send_keys("j")
         until(lambda: "p1" in browser.find_element(By.ID, "title").text)
         body().send_keys("e")
         area = browser.find_element(By.TAG_NAME, "textarea")

@@ -110,11 +110,8 @@ def completion(content: Any, tokens: int = 100) -> tuple[int, dict[str, str], di
     return 200, {}, body
 
 
-def texts(*lines: str, language: str = "en", english: str = "") -> dict[str, Any]:
-    """Content with some instructions."""
-    return {
-        "instructions": [
-            {"style": "natural", "language": language, "text": line, "english": english}
-            for line in lines
-        ]
-    }
+def texts(*lines: str | list[dict[str, Any]]) -> dict[str, Any]:
+    """Content with some instructions, each as a text or as steps with claims."""
+    keys = ("text" if isinstance(line, str) else "steps" for line in lines)
+    written = zip(keys, lines, strict=True)
+    return {"instructions": [{"style": "natural", key: line} for key, line in written]}
