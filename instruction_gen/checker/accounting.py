@@ -94,9 +94,10 @@ def _noun_before(tokens: Sequence[Token], k: int) -> bool:
 
 
 def _vague(tokens: Sequence[Token], k: int) -> bool:
-    return tokens[k].text in ("one", "couple", "double", "pair", "half") or _after(tokens, k) in (
-        "of", "or",
-    )  # fmt: skip
+    around = {_after(tokens, k), tokens[k - 1].text if k else ""}
+    return tokens[k].text in ("one", "couple", "double", "pair", "half") or bool(
+        around & {"of", "or"}
+    )
 
 
 def _named(word: str, claims: Sequence[Claim]) -> bool:

@@ -48,8 +48,8 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     if steps:
         return _judged(text, tuple(steps), ground, accounting_problems(steps, text))
     verdicts = []
-    for aside in (False, True):
-        read = tuple(read_text(text, aside))
+    for fewer_turns in (False, True):
+        read = tuple(read_text(text, fewer_turns))
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]
         verdicts.append(_judged(text, read, ground, faults + _idle_sentences(text, read)))
         if verdicts[-1].ok:

@@ -9,21 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..facts.records import TurnFact
 from ..language.claims import Claim
 from .ground import Ground
 from .things import Mask, Place, room_names, spread
+from .turns import Turns
 
 States = dict[int, Mask]
 
-CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
-_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG, _MOST_DEG = 88.0, 55.0, 125.0, 160.0
-_ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
-_START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
-_LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
 _ORDER_M = 1.0  # things this near to each other may be passed in either order
 _SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 1.0, "enter": 1.0, "leave": 1.0,
-            "door": 1.2, "turn": 1.3, "stop": 9.0}  # fmt: skip
+            "door": 1.2}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -43,14 +38,13 @@ class _Walk:
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
         self.ground, self.claims, self.owners = ground, claims, owners
         self.room: tuple[int, Claim, Mask] | None = None  # the last room that was entered
-        self.along, self.turns = ground.along_m, ground.facts.turns
+        self.along, self.turns = ground.along_m, Turns(ground, claims)
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
         self.states: States = {0: start}
         self.tight: States | None = None  # after a distance: where it led
         self.last: list[Mask] = []  # where the last place that is named may be
         self.index = 0
-        self.leads = [self._leads(t) for t in self.turns]  # first claim that leads around each
 
     def run(self) -> list[Problem]:
         """Return the problems of all claims."""
@@ -145,95 +139,23 @@ class _Walk:
     def _missing(self, claim: Claim, mask: Mask) -> str:
         what = f"the {claim.text or 'doorway'}"
         first = min(float(self.along[np.argmax(m)]) for m in self.states.values())
-        made = max(self.states)
-        if self._limit(made, first) < self.along[np.flatnonzero(mask)[0]]:
-            turn = next(t for k, t in enumerate(self.turns) if k >= made
-                        and self.leads[k] > self.index and t.along_m > first - 0.5)  # fmt: skip
-            return f"the turn to the {turn.side} before {what} is not mentioned"
+        if self._limit(max(self.states), first) < self.along[np.flatnonzero(mask)[0]]:
+            turn = self.turns.unclaimed(max(self.states), self.index, first)
+            return f"the turn to the {turn.side if turn else ''} before {what} is not mentioned"
         return f"{what} comes earlier on the path than the text says"
 
     def _turn(self, claim: Claim) -> str:
         result: States = {}
         for made, here in self.states.items():
-            first = float(self.along[np.argmax(here)])
-            limit = self._limit(made, first)
             tight = None if self.tight is None else self.tight.get(made)
-            for k in range(made, len(self.turns)):
-                if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
-                    break
-                for end in self._bends(k, claim):
-                    last = self.turns[end - 1].along_m
-                    if last < first - _SLACK_M["turn"]:
-                        continue
-                    around = self.ground.between(self.turns[k].along_m - 1.2, last + 1.2)
-                    if tight is not None and not (tight & around).any():
-                        continue
-                    at = self.ground.between(self.turns[k].along_m - 0.2, last + 0.5)
-                    result[end] = result.get(end, np.zeros_like(at)) | at
-            if claim.degree == "slight" and not self._mistaken(made, claim):
-                other = np.zeros_like(here)
-                for t in self.turns:
-                    if t.side != claim.side:
-                        other |= self.ground.between(t.along_m - 2.0, t.along_m + 2.0)
-                if (here & ~other).any():  # a bend too slight for the facts
-                    result[made] = result.get(made, np.zeros_like(here)) | (here & ~other)
-            again = self._again(made, here, claim)
-            if again.any():
-                result[made] = result.get(made, again) | again
+            after = self.turns.after(claim, self.index, made, here, tight)
+            for count, mask in after.items():
+                result[count] = result.get(count, mask) | mask
         if not result:
             side = "around" if claim.side == "around" else f"to the {claim.side}"
             return f"there is no turn {side} here"
         self.states, self.tight = result, None
         return ""
-
-    def _skips(self, made: int, k: int, here: Mask, claim: Claim) -> bool:
-        """Return whether an unclaimed clear turn to the other side lies before turn `k`."""
-        last_m = float(self.along[here][-1])
-        return any(
-            t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > last_m - 1.0
-            for t in self.turns[made:k]
-        )
-
-    def _mistaken(self, made: int, claim: Claim) -> bool:
-        """Return whether a slight bend must be a turn of the path that goes to the other side.
-
-        It is where fewer turns to that side are claimed from here on than the path makes.
-        """
-        left = [t for t in self.turns[made:] if t.side != claim.side and abs(t.angle_deg) >= 28.0]
-        later = [c for c in self.claims[self.index :] if c.kind == "turn" and c.side != claim.side]
-        return len(left) > len(later)
-
-    def _again(self, made: int, here: Mask, claim: Claim) -> Mask:
-        """Return where one wide bend may be told as two turns to the same side."""
-        if made and self.turns[made - 1].side == claim.side:
-            turn = self.turns[made - 1]
-            if abs(turn.angle_deg) >= _TWICE_DEG:
-                return here & self.ground.between(turn.along_m - 0.3, turn.along_m + _ONE_BEND_M)
-        return np.zeros_like(here)
-
-    def _bends(self, k: int, claim: Claim) -> list[int]:
-        """Return how many turns are made after a claimed turn that begins with turn `k`."""
-        result, total = [], 0.0
-        for j in range(k, len(self.turns)):
-            turn = self.turns[j]
-            if turn.side != self.turns[k].side:
-                break
-            if j > k and turn.along_m - self.turns[j - 1].along_m > _ONE_BEND_M:
-                break
-            total += abs(turn.angle_deg)
-            if self._is(claim, self.turns[k].side, total) and (j == k or total <= _MOST_DEG):
-                result.append(j + 1)
-        return result
-
-    @staticmethod
-    def _is(claim: Claim, side: str, degrees: float) -> bool:
-        if claim.side == "around":
-            return degrees >= _AROUND_DEG
-        if side != claim.side:
-            return degrees >= 165.0
-        if claim.degree == "slight":
-            return degrees <= _GENTLE_DEG
-        return degrees >= _SHARP_DEG if claim.degree == "sharp" else degrees <= 200.0
 
     def _distance(self, claim: Claim) -> str:
         d = claim.metres
@@ -286,53 +208,14 @@ class _Walk:
             return f"the first {claim.name} on the way is not where the path ends"
         return ""
 
-    # turns that are not claimed ---------------------------------------------------------------
-
     def _limit(self, made: int, first_m: float) -> float:
-        """Return how far the walker gets before a turn that should have been claimed [m]."""
-        for k, turn in enumerate(self.turns):
-            if k >= made and self.leads[k] > self.index and turn.along_m > first_m - 0.5:
-                return turn.along_m + _LATE_M
-        return np.inf
+        return self.turns.limit_m(made, self.index, first_m)
 
     def _left_out(self) -> str:
-        for made, here in self.states.items():
-            if not np.isfinite(self._limit(made, float(self.along[here][-1]) - 0.5)):
-                return ""
-        made = max(self.states)
-        turn = next(t for k, t in enumerate(self.turns) if k >= made and self.leads[k] > self.index)
-        return f"the turn to the {turn.side} is not mentioned"
-
-    def _leads(self, turn: TurnFact) -> int:
-        """Return the number of the first claim that leads around a turn, −1 for a slight turn."""
-        ground = self.ground
-        last = turn.along_m > ground.length_m - 0.9
-        first = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
-        if abs(turn.angle_deg) < CLEAR_DEG or first or last:
-            return -1
-        doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
-        k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
-        for index, claim in enumerate(self.claims):
-            if any(self._names(claim, p.from_room, p.to_room) for p in doors):
-                return index
-            if claim.what != "thing":
-                continue
-            if claim.kind == "pass" and claim.degree == "slight":
-                return index  # the way around a thing bends
-            if claim.kind == "stop" and ground.stop_in_view(claim)[k]:
-                return index
-            if claim.kind in ("reach", "pass"):
-                mask, reason = ground.seen_at(Claim("see", "thing", claim.name, room=claim.room))
-                ahead = (ground.abeam_m(claim) or ground.length_m) > turn.along_m
-                if not reason and ahead and mask[k]:
-                    return index
-        return len(self.claims)
-
-    @staticmethod
-    def _names(claim: Claim, from_room: str, to_room: str) -> bool:
-        if claim.kind in ("door", "enter", "leave") and not (claim.room or claim.name):
-            return True
-        if claim.kind not in ("enter", "leave", "in", "stop", "door"):
-            return False
-        names = room_names(claim.room if claim.what == "door" else claim.name)
-        return bool(names & {to_room}) or (claim.kind == "leave" and from_room in names)
+        """Return that a turn is not mentioned at all, "" where none is left out."""
+        left = [
+            self.turns.unclaimed(made, self.index, float(self.along[here][-1]) - 0.5)
+            for made, here in self.states.items()
+        ]
+        turn = left[-1] if all(left) else None
+        return f"the turn to the {turn.side} is not mentioned" if turn else ""

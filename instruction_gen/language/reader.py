@@ -52,14 +52,15 @@ _PART_WORDS = frozenset(
 )
 
 
-def read_text(text: str, aside: bool = False) -> list[Step]:
+def read_text(text: str, fewer_turns: bool = False) -> list[Step]:
     """Return the steps of a text in order, the stop last.
 
     Args:
-        aside: a side alone between commas is that of the thing before it, not a turn.
+        fewer_turns: what may also be the side of a thing (`the sofa, left, …`) or an adverb
+            (`go right past the sofa`) is no turn.
     """
     clauses = clauses_of(tokenize(text))
-    reader = _Reader(aside)
+    reader = _Reader(fewer_turns)
     for clause in clauses:
         reader.read(clause)
     arrange(clauses)
@@ -85,8 +86,8 @@ def _is_content(word: str) -> bool:
 class _Reader:
     """Reads clause after clause; what a pronoun means and what a phrase inherits come before."""
 
-    def __init__(self, aside: bool) -> None:
-        self.aside = aside
+    def __init__(self, fewer_turns: bool) -> None:
+        self.fewer_turns = fewer_turns
         self.before: Clause | None = None
         self.sentence: list[Clause] = []  # the clauses before in the same sentence
         self.thing: Claim | None = None  # what `it` means
@@ -119,7 +120,8 @@ class _Reader:
         if not self._listed_side(clause):
             self._claims(clause, stop)
         if clause.negated:
-            clause.claims = forbidden(clause.claims)
+            last = self.before.claims[-1:] if self.before and clause.says("that", "it") else []
+            clause.claims = forbidden(clause.claims or [replace(c, kind="in") for c in last])
         for claim in clause.claims:
             if claim.what == "thing":
                 self.thing = claim
@@ -158,7 +160,7 @@ class _Reader:
             return False
         both = "both" in rest or "all" in rest
         if not placed and not both and clause.joint != "(" and not (
-            self.aside and clause.joint in (",", "-", "–", "—")
+            self.fewer_turns and clause.joint in (",", "-", "–", "—")
         ):  # fmt: skip
             return False
         if {"two", "three", "one"} & set(rest):
@@ -246,7 +248,7 @@ class _Reader:
             placed: `on your left`, not `left`.
         """
         tokens, claims, verb = clause.tokens, clause.claims, clause.verb
-        named = [n for n, c in enumerate(claims) if c.what and c.kind != "walk" and not c.side]
+        named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
         alone = not placed and verb in ("", "see", "pass") and not after
@@ -271,11 +273,12 @@ class _Reader:
             return side if verb in ("see", "") and not named else ""
         if (
             (not placed and before in ("you", "have", "just", "we"))
-            or (not placed and side == "right" and after in RIGHT_ADVERB and verb != "turn")
+            or (not placed and side == "right" and after in RIGHT_ADVERB and verb != "turn"
+                and (self.fewer_turns or verb not in ("go", "")))
             # "The left of the table", "right to the end of the hall".
             or after == "of"
             or (after == "to" and _part_end(tokens, end + 1) > end + 1)
-        ):
+        ):  # fmt: skip
             return ""
         if any(t.text in _KEEPS for t in tokens[:k]):
             if named:

@@ -24,7 +24,8 @@ _VERBS = {
         collect""",
     "see": """see seeing sees notice spot find finding look looking looks is are stands lies sits
         hangs appears was be observe face faces shows seen watch has have having""",
-    "reach": "reach reaching reached reaches approach approaching arrive arriving meet meets hit",
+    "reach": """reach reaching reached reaches bump approach approaching arrive arriving meet meets
+        hit""",
 }
 VERB_OF = {form: kind for kind, forms in _VERBS.items() for form in forms.split()}
 

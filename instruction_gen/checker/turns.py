@@ -1,0 +1,166 @@
+"""Which turns of a path a claimed turn may be, and which are led around without being claimed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..facts.records import TurnFact
+from ..language.claims import Claim
+from .ground import Ground
+from .things import Mask, room_names
+
+CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
+_BEND_DEG = 28.0
+_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 88.0, 55.0, 125.0
+_MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
+_ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
+_START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
+_END_M = 0.9
+_LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
+_SLACK_M = 1.3
+
+
+class Turns:
+    """The turns of a path and the claims of a text about it."""
+
+    def __init__(self, ground: Ground, claims: Sequence[Claim]):
+        """Find the first claim that leads around each turn."""
+        self.ground, self.claims = ground, claims
+        self.along, self.turns = ground.along_m, ground.facts.turns
+        self._leads = [self._leader(turn) for turn in self.turns]
+
+    def unclaimed(self, made: int, index: int, first_m: float) -> TurnFact | None:
+        """Return the first turn that should have been claimed before claim `index`.
+
+        Args:
+            made: how many turns are made.
+            index: of the claim.
+            first_m: where the walker is [m].
+        """
+        for k, turn in enumerate(self.turns):
+            if k >= made and self._leads[k] > index and turn.along_m > first_m - 0.5:
+                return turn
+        return None
+
+    def limit_m(self, made: int, index: int, first_m: float) -> float:
+        """Return how far the walker gets before a turn that should have been claimed [m]."""
+        turn = self.unclaimed(made, index, first_m)
+        return np.inf if turn is None else turn.along_m + _LATE_M
+
+    def after(
+        self, claim: Claim, index: int, made: int, here: Mask, tight: Mask | None
+    ) -> dict[int, Mask]:
+        """Return where the walker may be after a claimed turn, by the number of turns made.
+
+        Args:
+            tight: where a distance before the turn led.
+        """
+        result: dict[int, Mask] = {}
+        ground, first = self.ground, float(self.along[np.argmax(here)])
+        limit = self.limit_m(made, index, first)
+        for k in range(made, len(self.turns)):
+            if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
+                break
+            for end in self._bends(k, claim):
+                last = self.turns[end - 1].along_m
+                around = ground.between(self.turns[k].along_m - 1.2, last + 1.2)
+                if last < first - _SLACK_M or (tight is not None and not (tight & around).any()):
+                    continue
+                at = ground.between(self.turns[k].along_m - 0.2, last + 0.5)
+                result[end] = result.get(end, np.zeros_like(at)) | at
+        still = self._again(made, here, claim) | self._slight(made, here, claim, index)
+        if still.any():
+            result[made] = result.get(made, still) | still
+        return result
+
+    def _slight(self, made: int, here: Mask, claim: Claim, index: int) -> Mask:
+        """Return where a bend may be too slight for the facts.
+
+        It may not where fewer turns to the other side are claimed from here on than the path makes:
+        then it must be one of those.
+        """
+        others = [t for t in self.turns if t.side != claim.side]
+        left = [t for t in others if t in self.turns[made:] and abs(t.angle_deg) >= _BEND_DEG]
+        later = [c for c in self.claims[index:] if c.kind == "turn" and c.side != claim.side]
+        if claim.degree != "slight" or len(left) > len(later):
+            return np.zeros_like(here)
+        result = here.copy()
+        for turn in others:
+            result &= ~self.ground.between(turn.along_m - 2.0, turn.along_m + 2.0)
+        return result
+
+    def _skips(self, made: int, k: int, here: Mask, claim: Claim) -> bool:
+        """Return whether an unclaimed clear turn to the other side lies before turn `k`."""
+        last_m = float(self.along[here][-1])
+        return any(
+            t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > last_m - 1.0
+            for t in self.turns[made:k]
+        )
+
+    def _again(self, made: int, here: Mask, claim: Claim) -> Mask:
+        """Return where one wide bend may be told as two turns to the same side."""
+        if made and self.turns[made - 1].side == claim.side:
+            turn = self.turns[made - 1]
+            if abs(turn.angle_deg) >= _TWICE_DEG:
+                return here & self.ground.between(turn.along_m - 0.3, turn.along_m + _ONE_BEND_M)
+        return np.zeros_like(here)
+
+    def _bends(self, k: int, claim: Claim) -> list[int]:
+        """Return how many turns are made after a claimed turn that begins with turn `k`."""
+        result, total, first = [], 0.0, self.turns[k]
+        for j in range(k, len(self.turns)):
+            turn = self.turns[j]
+            apart_m = turn.along_m - self.turns[max(j - 1, k)].along_m
+            if turn.side != first.side or apart_m > _ONE_BEND_M:
+                break
+            total += abs(turn.angle_deg)
+            if _is(claim, first.side, total, _MOST_DEG if j == k else _MERGED_DEG):
+                result.append(j + 1)
+        return result
+
+    def _leader(self, turn: TurnFact) -> int:
+        """Return the number of the first claim that leads around a turn, −1 for a slight turn."""
+        ground = self.ground
+        last = turn.along_m > ground.length_m - _END_M
+        first = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
+        if abs(turn.angle_deg) < CLEAR_DEG or first or last:
+            return -1
+        doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
+        k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
+        for index, claim in enumerate(self.claims):
+            if any(_goes(claim, p.from_room, p.to_room) for p in doors):
+                return index
+            if claim.what == "thing" and (
+                # The way around a thing bends; a thing ahead is walked up to.
+                (claim.kind == "pass" and claim.degree == "slight")
+                or (claim.kind == "stop" and ground.stop_in_view(claim)[k])
+                or (claim.kind in ("reach", "pass") and self._ahead(claim, turn, k))
+            ):
+                return index
+        return len(self.claims)
+
+    def _ahead(self, claim: Claim, turn: TurnFact, k: int) -> bool:
+        """Return whether a thing is in view at place `k`, and passed after a turn."""
+        mask, _ = self.ground.seen_at(Claim("see", "thing", claim.name, room=claim.room))
+        return (self.ground.abeam_m(claim) or np.inf) > turn.along_m and bool(mask[k])
+
+
+def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:
+    """Return whether a bend may be called what a claim says."""
+    if claim.side == "around":
+        return degrees >= _AROUND_DEG
+    if side != claim.side:
+        return degrees >= 165.0
+    if claim.degree == "slight":
+        return degrees <= _GENTLE_DEG
+    return degrees >= _SHARP_DEG if claim.degree == "sharp" else degrees <= most_deg
+
+
+def _goes(claim: Claim, from_room: str, to_room: str) -> bool:
+    """Return whether a claim goes through an opening between two rooms."""
+    if claim.kind in ("door", "enter", "leave") and not (claim.room or claim.name):
+        return True
+    if claim.kind not in ("enter", "leave", "in", "stop", "door"):
+        return False
+    names = room_names(claim.room if claim.what == "door" else claim.name)
+    return to_room in names or (claim.kind == "leave" and from_room in names)
