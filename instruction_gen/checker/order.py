@@ -62,7 +62,7 @@ class _Walk:
                 reason = self._avoid(claim)
             else:
                 reason = self._place(claim)
-                if claim.kind == "pass" and claim.what == "thing" and not reason:
+                if claim.kind == "pass" and claim.what == "thing" and not reason + claim.place:
                     at_m = self.ground.abeam_m(claim)
                     if at_m is not None and at_m < passed_m - _ORDER_M:
                         reason = f"the {claim.name} is passed earlier"
@@ -87,7 +87,7 @@ class _Walk:
             return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
         since = min(int(np.argmax(here)) for here in self.states.values())
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
-            claim, max(0, since - 4)
+            claim, since
         )
 
     def _place(self, claim: Claim) -> str:

@@ -18,6 +18,7 @@ PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
 _STOP_M = {"before": 2.8, "past": 2.8, "between": 2.4}
 _STOP_SIDED_M = {"": 1.8, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
+_AT_HAND_M = 1.8
 _ONE_PLACE_M = 3.0  # things of a name that are met this close together may all be meant
 _VISIBLE_PIXELS = 12
 _SIDE_DEG = (8.0, 172.0)
@@ -115,7 +116,7 @@ class Things:
     def abeam_m(self, claim: Claim) -> float | None:
         """Return where a thing is passed [m]; None if several may be meant."""
         near = [n for n in self.meant(claim) if (self.near_m[n] <= PASS_M).any()]
-        if len(near) != 1:
+        if len(near) != 1 or self.distance[near[0]].min() <= 0.1:  # walked over
             return None
         across = np.abs(np.abs(self.facing[near[0]]) - 90.0) / 15.0 + self.near_m[near[0]]
         return float(self.along_m[np.argmin(across)])
@@ -174,12 +175,14 @@ class Things:
         here = mask[chosen].copy()
         here[:, :since] = False
         own = (here & self._own[chosen]).any(axis=1)
-        rows = [k for k in range(len(chosen)) if (own[k] if own.any() else here[k].any())]
-        if not rows:
+        rows = np.flatnonzero(own if own.any() else here.any(axis=1))
+        if not len(rows):
             return chosen
-        first = {k: float(self.along_m[np.argmax(here[k])]) for k in rows}
-        limit = min(first.values()) + _ONE_PLACE_M
-        return [chosen[k] for k in rows if first[k] <= limit]
+        # Who could name one at hand does not mean one across the room.
+        far_m = np.where(here[rows], self.distance[chosen][rows], np.inf).min(axis=1)
+        rows = rows[far_m <= max(_AT_HAND_M, far_m.min() + 1.0)]
+        first_m = self.along_m[here[rows].argmax(axis=1)]
+        return [chosen[k] for k in rows[first_m <= first_m.min() + _ONE_PLACE_M]]
 
     def meant(self, claim: Claim) -> list[int]:
         """Return the things that a claim may mean, by name and room."""

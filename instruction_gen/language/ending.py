@@ -124,6 +124,8 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
 
 def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
     """Read the last place that is walked to as the stop of a text that names none."""
+    if clauses[-1].until and not clauses[-1].claims:
+        clauses[-1].claims = [Claim("stop")]  # "until you are nearly at the wall"
     clause = next((c for c in reversed(clauses) if c.claims), None)
     last = clause.claims[-1] if clause else None
     if clause is None or last is None or not last.name:

@@ -120,8 +120,9 @@ class _Reader:
         if not self._listed_side(clause):
             self._claims(clause, stop)
         if clause.negated:
-            last = self.before.claims[-1:] if self.before and clause.says("that", "it") else []
-            clause.claims = forbidden(clause.claims or [replace(c, kind="in") for c in last])
+            last = self.before.claims[-1:] if self.before and clause.says("that") else []
+            named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
+            clause.claims = forbidden(clause.claims or named)
         for claim in clause.claims:
             if claim.what == "thing":
                 self.thing = claim
@@ -193,8 +194,8 @@ class _Reader:
             elif word in _MARKS or word == "TURN_AROUND":
                 if word == "TURN_AROUND":
                     claims.append(Claim("turn", side="around"))
-                elif not clause.until:  # "as you go in" says when, not what to do
-                    claims.append(self._marked(word))
+                elif not clause.until and not (word == "GO_IN" and self._is_inside()):
+                    claims.append(self._marked(word))  # "as you go in" says only when
                 clause.used.add(k)
                 k += 1
             elif (part := _part_end(tokens, k)) > k:
@@ -215,7 +216,7 @@ class _Reader:
                 if word == "room" and prep in ("into", "from") and not stop and not clause.negated:
                     claims.append(Claim("enter" if prep == "into" else "leave", "room"))
                 if word in PREP_OF and not (word == "over" and k + 1 == len(tokens)):
-                    prep = clause.prep = _preposition(clause, word)
+                    prep = clause.prep = _preposition(clause, k, stop)
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 _find_fault(clause, k)
                 k += 1
@@ -230,6 +231,11 @@ class _Reader:
         if stop and (clause.verb == "stop" or prep not in ("through", "from", "into")):
             return stop_at(target, prep, clause)
         return claim_of(target, prep, clause)
+
+    def _is_inside(self) -> bool:
+        """Return whether the last that is claimed is that a room is entered."""
+        claims = [claim for clause in self.sentence for claim in clause.claims]
+        return bool(claims) and claims[-1].kind in ("enter", "door")
 
     def _marked(self, mark: str) -> Claim:
         """Return what `go in`, `go out` and `go through` claim of what was named before."""
@@ -299,18 +305,21 @@ class _Reader:
         """Give a side to the last target, and to the one that is listed with it."""
         claims, before = clause.claims, self.before
         sided(claims, named[-1], side)
-        if clause.joint == "and" and before is not None and len(named) == 1 and not clause.has_verb:
+        listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
+        if listed and before is not None and len(named) == 1 and not clause.has_verb:
             last = before.claims[-1] if before.claims else None
             if last and last.what == claims[named[-1]].what and not last.side \
                     and side not in ("ahead", "behind"):  # fmt: skip
                 sided(before.claims, -1, side)
 
 
-def _preposition(clause: Clause, word: str) -> str:
-    """Return what a preposition says of the place that follows."""
-    if word == "by" and (clause.verb not in ("go", "pass", "cross", "") or clause.claims):
+def _preposition(clause: Clause, k: int, stop: bool) -> str:
+    """Return what the preposition at token `k` says of the place that follows."""
+    word = clause.tokens[k].text
+    if word == "by" and (stop or clause.claims or clause.verb not in ("go", "pass", "cross", "")):
         return "at"
-    return PREP_OF[word]
+    almost = word == "to" and k and clause.tokens[k - 1].text in ("nearly", "almost")
+    return "toward" if almost else PREP_OF[word]
 
 
 def _find_fault(clause: Clause, k: int) -> None:

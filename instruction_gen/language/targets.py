@@ -54,8 +54,11 @@ def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
         kind = "" if verb not in ("enter", "leave") else kind
     elif not kind and not verb and clause.prep == "past":
         kind = "pass"
-    around = kind == "pass" and target.what == "thing" and prep == "around"
-    return target.claim(kind or _ELSE[target.what], degree="slight" if around else "")
+    claim = target.claim(kind or _ELSE[target.what])
+    if kind == "pass" and target.what == "thing":
+        degree, place = "slight" if prep == "around" else "", prep if prep == "between" else ""
+        return replace(claim, degree=degree, place=place)
+    return claim
 
 
 def _kind(what: str, prep: str, verb: str) -> str:
@@ -81,7 +84,8 @@ def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
         place = "doorway" if prep == "in" else "past" if place == "past" else "at"
     elif place in ("inside", "outside"):
         place = "at"
-    return target.claim("stop", place=place)
+    facing = prep == "with" and target.what == "thing" and not target.side
+    return target.claim("stop", place=place, side="ahead" if facing else target.side)
 
 
 def forbidden(claims: Sequence[Claim]) -> list[Claim]:
