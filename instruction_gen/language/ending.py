@@ -73,6 +73,9 @@ def _end(clauses: list[Clause]) -> None:
                 for c in clause.claims
                 if c.kind != "stop" or c.what
             ]
+    for clause in clauses:  # the place that is named is where the other stop is
+        if any(c.what for k in stops for c in clauses[k].claims if c.kind == "stop"):
+            clause.claims = [c for c in clause.claims if c.kind != "stop" or c.what]
     for k in moves:
         if k > last and clauses[k].sentence > clauses[last].sentence:
             clauses[k].faults.append("the text goes on after the stop")

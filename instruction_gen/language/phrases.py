@@ -273,6 +273,8 @@ def _before_or_behind(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] 
         return "ahead", True, k + 2
     if two == ["behind", "you"]:
         return "behind", True, k + 2
+    if two[:1] == ["ahead"] and (sided := read_side(tokens, k + 1)) is not None:
+        return sided  # "ahead on the right"
     if two == ["ahead"] or (two[:1] == ["ahead"] and two[1] not in DETERMINERS):
         return "ahead", True, k + 1
     return None

@@ -117,8 +117,9 @@ class _Reader:
             self.stopping = clause.sentence
         if self.before is None or self.before.sentence != clause.sentence:
             self.sentence = []
-        if not self._listed_side(clause):
-            self._claims(clause, stop)
+        if self._listed_side(clause):
+            return
+        self._claims(clause, stop)
         if clause.negated:
             last = self.before.claims[-1:] if self.before and clause.says("that") else []
             named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
@@ -139,7 +140,7 @@ class _Reader:
         same = bool(before.claims) and (
             before.claims[-1].what == starts[0].what or before.claims[-1].kind == "pass"
         )
-        if same or before.verb in ("stop", "see"):
+        if same or before.negated or before.verb in ("stop", "see"):
             clause.verb, clause.prep = before.verb, before.prep
             clause.until = clause.until or before.until
             clause.negated = clause.negated or before.negated
@@ -257,7 +258,7 @@ class _Reader:
         named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
-        alone = not placed and verb in ("", "see", "pass") and not after
+        alone = not placed and verb in ("", "see", "pass", "stop") and not after
         turned = any(c.kind == "turn" for c in claims)
         if not placed and clause.joint == "(" and end - k == len(tokens):
             previous = self.before.claims if self.before is not None else []
@@ -308,7 +309,7 @@ class _Reader:
         listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
         if listed and before is not None and len(named) == 1 and not clause.has_verb:
             last = before.claims[-1] if before.claims else None
-            if last and last.what == claims[named[-1]].what and not last.side \
+            if last and last.what == claims[named[-1]].what and last.side in ("", "ahead") \
                     and side not in ("ahead", "behind"):  # fmt: skip
                 sided(before.claims, -1, side)
 

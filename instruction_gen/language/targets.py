@@ -44,7 +44,7 @@ def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
     kind = _kind(target.what, prep, verb or "-")
     if target.what == "room":
         if not kind and not verb and not prep:
-            return None
+            return target.claim("in") if clause.negated else None
         # "Until you reach the hall" says where the walker is, not that he enters it there.
         if kind == "enter" and verb != "enter" and (
             clause.until or (verb == "reach" and prep != "into")

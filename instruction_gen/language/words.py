@@ -117,6 +117,7 @@ straight forward|at once|at all|at last|in turn|for now=
 on your feet|in your path|in your way|at the same time|as well|so far|a little way|a bit further|
 a short way|a short distance|a little further|a little=
 right there|just there|over there|right here=there
+never mind that|never mind|mind you=
 in the middle of|in the centre of|in the center of|at the foot of|at the head of|
 at the corner of|at the end of|at the far end of|by the end of|by the corner of|
 at the edge of=PLACE_OF
@@ -205,7 +206,7 @@ FILLERS = frozenset(
     double new old final immediate once twice one ones another both all each few couple several some
     any bit stretch leg journey trip walk turn turns corner bend gap sight view reach position
     destination goal target heading degree degrees ninety clockwise counterclockwise anticlockwise
-    diagonal diagonally slight slightly sharp sharply gentle gently soft hard full half quick brief
+    diagonal diagonally later slight slightly sharp sharply gentle gently soft hard full half quick brief
     today course that this which who whose what it its them their his her than own beyond want wants
     need needs going get gets got getting be being been am was were has have had having do doing
     until past between arms length arm touch nose eye eyes face foot feet level before after behind

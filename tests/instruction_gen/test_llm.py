@@ -456,7 +456,7 @@ def test_a_models_claims_are_checked_and_kept(two_rooms, tmp_path):
 @pytest.mark.parametrize(
     ("steps", "complaint"),
     [
-        (with_claim(0, side="right"), "no claim says left"),
+        (with_claim(0, side="right"), "there is no turn to the right"),
         (with_claim(1, name="sofa"), "no claim is about the table"),
         (with_claim(1, kind="hover"), "unknown claim's kind 'hover'"),
         (with_claim(1, count="two"), "claim's count 'two'"),
