@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from ..language.claims import Step
 from ..language.phrases import is_known
-from ..language.reader import read_text
+from ..language.reader import readings
 from .accounting import accounting_problems
 from .form import form_problems
 from .ground import Ground
@@ -48,8 +48,7 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     if steps:
         return _judged(text, tuple(steps), ground, accounting_problems(steps, text))
     verdicts = []
-    for fewer_turns in (False, True):
-        read = tuple(read_text(text, fewer_turns))
+    for read in readings(text):
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]
         verdicts.append(_judged(text, read, ground, faults + _idle_sentences(text, read)))
         if verdicts[-1].ok:

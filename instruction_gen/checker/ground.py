@@ -172,6 +172,10 @@ class Ground(Things):
     def door_side(self, passage: PassageFact, side: str) -> bool:
         """Return whether a doorway that is walked through may be said to be on a side."""
         sign = 1 if side == "left" else -1
+        into = [t for t in self.facts.turns if abs(t.angle_deg) >= 45.0
+                and -1.0 <= t.along_m - passage.along_m <= 0.25]  # fmt: skip
+        if into:
+            return into[-1].side == side
         near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= 0.8]
         turned, bearing = sign * sum(t.angle_deg for t in near), sign * passage.bearing_deg
         if abs(turned) < 20.0 or (turned > 0) == (bearing > 0) or abs(bearing) > abs(turned):

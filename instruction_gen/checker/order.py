@@ -195,7 +195,9 @@ class _Walk:
             (spread(m, self.along, 1.2) & end).any() for m in self.tight.values()
         ):
             return "the path goes on farther than the distance before the stop"
-        self.tight = None
+        if self.tight is not None:
+            self.tight = None
+            return ""
         named = [*self.states.values(), *self.last]
         if not claim.what and not any((spread(m, self.along, 3.0) & end).any() for m in named):
             return "the path goes on farther than what is named before the stop"

@@ -16,7 +16,7 @@ Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
 PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
 # How far from a thing the path may end, by the claim's place.
 _STOP_M = {"before": 2.8, "past": 2.8, "between": 2.4}
-_STOP_SIDED_M = {"": 1.8, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
+_STOP_SIDED_M = {"": 2.0, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
 _AT_HAND_M = 1.8
 _ONE_PLACE_M = 3.0  # things of a name that are met this close together may all be meant
@@ -105,6 +105,8 @@ class Things:
             last[:, -2] = False
         elif claim.place == "before":
             last &= (bearing <= 105.0) | (self.near_m <= 0.6)
+        elif not claim.side:
+            last &= (bearing <= 140.0) | (self.near_m <= 1.4)
         return last
 
     def stop_in_view(self, claim: Claim) -> Mask:

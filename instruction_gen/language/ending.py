@@ -9,10 +9,9 @@ MOVES = frozenset("leave enter door turn pass reach walk".split())
 # The first sentence says where the walk ends, if one of these is in it: the first ones if the text
 # says to stop as well.
 _ANNOUNCE = frozenset(
-    "aim goal target destination finish finishes ends place spot point headed bound TOWARD "
-    "stop".split()
+    "aim goal target destination finish finishes ends place spot point headed bound stop".split()
 )
-_MAY_ANNOUNCE = _ANNOUNCE | frozenset("yourself want wants after find".split())
+_MAY_ANNOUNCE = _ANNOUNCE | frozenset("yourself want wants after find TOWARD".split())
 
 
 def arrange(clauses: list[Clause]) -> None:
@@ -105,7 +104,9 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
     own = any(x.kind == "stop" for c in first for x in c.claims)
-    cue = any(c.says(*_ANNOUNCE) for c in first)
+    cue = any(c.says(*_ANNOUNCE) for c in first) or any(
+        token.text == "TOWARD" for token in first[0].tokens[:3]
+    )
     if stopped and (moves or not (cue or own)):
         return False
     may = cue or own or any(c.says(*_MAY_ANNOUNCE) for c in first)
@@ -131,7 +132,7 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
         clauses[-1].claims = [Claim("stop")]  # "until you are nearly at the wall"
     clause = next((c for c in reversed(clauses) if c.claims), None)
     last = clause.claims[-1] if clause else None
-    if clause is None or last is None or not last.name:
+    if clause is None or last is None or not (last.name or last.what == "door"):
         return
     if clause.until:
         clause.claims = [

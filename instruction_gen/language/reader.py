@@ -1,7 +1,8 @@
 """Read the steps and claims of a text, where they are certain; other words stay unchecked."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 from .claims import Claim, Step
 from .clauses import Clause, clauses_of, verb_at
@@ -45,6 +46,8 @@ _ADJECTIVE = (
 )  # fmt: skip
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
+_WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
+_MOST_DOUBTS = 4
 _KEEPS = ("keep", "keeping", "stay", "staying")
 _PART_WORDS = frozenset(
     "far near other opposite long short left right first second very front back whole same "
@@ -52,19 +55,32 @@ _PART_WORDS = frozenset(
 )
 
 
-def read_text(text: str, fewer_turns: bool = False) -> list[Step]:
-    """Return the steps of a text in order, the stop last.
+def read_text(text: str) -> list[Step]:
+    """Return the steps of a text in order, the stop last."""
+    return next(readings(text))
 
-    Args:
-        fewer_turns: what may also be the side of a thing (`the sofa, left, …`) or an adverb
-            (`go right past the sofa`) is no turn.
+
+def readings(text: str) -> Iterator[list[Step]]:
+    """Yield the ways to read a text, the likeliest first.
+
+    A word may be a turn, or the side of a thing (`the sofa, left, …`) or an adverb (`go right past
+    the sofa`).
     """
+    reader, steps = _read(text, frozenset())
+    yield steps
+    doubts = range(min(reader.doubts, _MOST_DOUBTS))
+    for number in range(len(doubts), 0, -1):
+        for no_turns in combinations(doubts, number):
+            yield _read(text, frozenset(no_turns))[1]
+
+
+def _read(text: str, no_turns: frozenset[int]) -> "tuple[_Reader, list[Step]]":
     clauses = clauses_of(tokenize(text))
-    reader = _Reader(fewer_turns)
+    reader = _Reader(no_turns)
     for clause in clauses:
         reader.read(clause)
     arrange(clauses)
-    return [_step(clause, text) for clause in clauses if clause.tokens]
+    return reader, [_step(clause, text) for clause in clauses if clause.tokens]
 
 
 def _step(clause: Clause, text: str) -> Step:
@@ -86,8 +102,9 @@ def _is_content(word: str) -> bool:
 class _Reader:
     """Reads clause after clause; what a pronoun means and what a phrase inherits come before."""
 
-    def __init__(self, fewer_turns: bool) -> None:
-        self.fewer_turns = fewer_turns
+    def __init__(self, no_turns: frozenset[int]) -> None:
+        self.no_turns = no_turns
+        self.doubts = 0  # words so far that may be a turn or not
         self.before: Clause | None = None
         self.sentence: list[Clause] = []  # the clauses before in the same sentence
         self.thing: Claim | None = None  # what `it` means
@@ -123,7 +140,7 @@ class _Reader:
         if clause.negated:
             last = self.before.claims[-1:] if self.before and clause.says("that") else []
             named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
-            clause.claims = forbidden(clause.claims or named)
+            clause.claims = forbidden(clause, clause.claims or named)
         for claim in clause.claims:
             if claim.what == "thing":
                 self.thing = claim
@@ -131,6 +148,11 @@ class _Reader:
                 self.door = claim
         self.sentence.append(clause)
         self.before = clause
+
+    def _is_no_turn(self) -> bool:
+        """Return whether the next word in doubt is no turn in this reading."""
+        self.doubts += 1
+        return self.doubts - 1 in self.no_turns
 
     def _inherit(self, clause: Clause) -> None:
         """Give a phrase without a verb that of the clause before: `past the sofa and the table`."""
@@ -162,7 +184,7 @@ class _Reader:
             return False
         both = "both" in rest or "all" in rest
         if not placed and not both and clause.joint != "(" and not (
-            self.fewer_turns and clause.joint in (",", "-", "–", "—")
+            clause.joint in (",", "-", "–", "—") and self._is_no_turn()
         ):  # fmt: skip
             return False
         if {"two", "three", "one"} & set(rest):
@@ -255,6 +277,8 @@ class _Reader:
             placed: `on your left`, not `left`.
         """
         tokens, claims, verb = clause.tokens, clause.claims, clause.verb
+        if verb == "see" and k and verb_at(tokens, k - 1) in ("go", "turn"):
+            verb = "go"  # "once you are in the hall go left"
         named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
@@ -281,7 +305,7 @@ class _Reader:
         if (
             (not placed and before in ("you", "have", "just", "we"))
             or (not placed and side == "right" and after in RIGHT_ADVERB and verb != "turn"
-                and (self.fewer_turns or verb not in ("go", "")))
+                and (verb not in ("go", "") or self._is_no_turn()))
             # "The left of the table", "right to the end of the hall".
             or after == "of"
             or (after == "to" and _part_end(tokens, end + 1) > end + 1)
@@ -292,10 +316,11 @@ class _Reader:
                 self._place(clause, named, side)
                 clause.used.update(range(k, end))
             return ""
-        if verb == "see" or (placed and (verb in ("stop", "pass") or (not verb and after))):
+        seen = verb == "see" and PREP_OF.get(after) not in _WAYS
+        if seen or (placed and (verb in ("stop", "pass") or (not verb and after))):
             clause.used.update(range(k, end))
             return side
-        if verb in ("turn", "go", "", "enter", "leave", "reach") and not clause.negated:
+        if verb in ("see", "turn", "go", "", "enter", "leave", "reach") and not clause.negated:
             clause.used.update(range(k, end))
             ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
                             if t.text in ORDINALS), 0)  # fmt: skip

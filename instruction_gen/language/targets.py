@@ -88,9 +88,9 @@ def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
     return target.claim("stop", place=place, side="ahead" if facing else target.side)
 
 
-def forbidden(claims: Sequence[Claim]) -> list[Claim]:
+def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:
     """Return what a negated clause says: rooms that are not entered."""
-    kinds = ("enter", "in", "leave", "stop", "door")
+    kinds = ("enter",) if clause.verb == "turn" else ("enter", "in", "leave", "stop", "door")
     return [
         Claim("avoid", "room", c.name)
         for c in claims

@@ -206,7 +206,7 @@ FILLERS = frozenset(
     double new old final immediate once twice one ones another both all each few couple several some
     any bit stretch leg journey trip walk turn turns corner bend gap sight view reach position
     destination goal target heading degree degrees ninety clockwise counterclockwise anticlockwise
-    diagonal diagonally later slight slightly sharp sharply gentle gently soft hard full half quick brief
+    diagonal diagonally slight slightly sharp sharply gentle gently soft hard full half quick brief
     today course that this which who whose what it its them their his her than own beyond want wants
     need needs going get gets got getting be being been am was were has have had having do doing
     until past between arms length arm touch nose eye eyes face foot feet level before after behind
@@ -221,7 +221,7 @@ FILLERS = frozenset(
     cautiously gently briefly continuously sideways ninety-degree right-angle two-seat upright alone
     kind sort type pair set group row rows line lines bunch shoulder shoulders knee elbow hip
     passage-way anyway however maybe perhaps probably actually basically honestly thanks thank
-    welcome careful watch your yours mine ours u turn""".split()
+    welcome careful watch your yours mine ours later u turn""".split()
 )
 
 
