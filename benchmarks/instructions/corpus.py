@@ -23,6 +23,7 @@ Parts, in the order in which they were written:
 - `sealed5`: likewise by two more writers in eight voices about three more apartments and a villa.
 - `sealed6`: likewise by two more writers about four more apartments; its paths were sampled on the
   plans of the buildings.
+- `blind`: truths and lies in three voices about two apartments and two villas, see `blind.py`.
 - `model`, `sealed_model`: by a large language model that answered the requests of `--writer llm`
   about six apartments and two villas, those that passed at the first try. The checker and the
   facts that are sent were worked on with what was refused of the first half.
@@ -55,7 +56,7 @@ FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
     *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced", "sealed4"),
-    *("sealed5", "sealed6", "model", "sealed_model"),
+    *("sealed5", "sealed6", "blind", "model", "sealed_model"),
 )
 
 
@@ -68,12 +69,14 @@ class Entry:
         part: of `PARTS`.
         ground: its facts.
         texts: true ones.
+        lies: false ones, each with its `kind`, `voice` and `text`.
     """
 
     name: str
     part: str
     ground: Ground
     texts: tuple[str, ...]
+    lies: tuple[dict[str, str], ...] = ()
 
 
 def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> list[Entry]:
@@ -132,6 +135,7 @@ def _entries(
             path["half"],
             Ground(path_facts(episode, levels[episode.level], sight)),
             tuple(path["texts"]),
+            tuple(path.get("lies", ())),
         )
         for path, episode in zip(paths, episodes, strict=True)
     ]

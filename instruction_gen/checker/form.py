@@ -3,8 +3,8 @@
 import re
 import unicodedata
 
-MIN_WORDS, MAX_WORDS = 3, 150
-MAX_CHARACTERS = 1000
+MIN_WORDS, MAX_WORDS = 3, 300  # RxR has texts of more than 200
+MAX_CHARACTERS = 2000
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=]|https?:|www\.|://", re.IGNORECASE)
 _LIST = re.compile(r"(?:^|\s)(?:\d{1,2}|[a-h]|i{1,3}|iv)[.)]\s|(?:^|\n)\s*[-•]", re.IGNORECASE)
 # "You see the sofa, right?" asks nothing.

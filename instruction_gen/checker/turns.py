@@ -24,10 +24,15 @@ class Turns:
     """The turns of a path and the claims of a text about it."""
 
     def __init__(self, ground: Ground, claims: Sequence[Claim]):
-        """Find the first claim that leads around each turn."""
+        """Find the first claim that leads around each turn.
+
+        A text that names the goal alone (`bring me the towel in the bathroom`) tells no way: the
+        walker finds it.
+        """
         self.ground, self.claims = ground, claims
         self.along, self.turns = ground.along_m, ground.facts.turns
-        self._leads = [self._leader(turn) for turn in self.turns]
+        told = any(claim.kind != "stop" for claim in claims)
+        self._leads = [self._leader(turn) if told else -1 for turn in self.turns]
 
     def unclaimed(self, made: int, index: int, first_m: float) -> TurnFact | None:
         """Return the first turn that should have been claimed before claim `index`.

@@ -84,6 +84,8 @@ def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
         place = "doorway" if prep == "in" else "past" if place == "past" else "at"
     elif place in ("inside", "outside"):
         place = "at"
+    elif place == "at" and prep and clause.claims and clause.claims[-1].kind == "stop":
+        place = "between"  # "the armchair near the TV"
     facing = prep == "with" and target.what == "thing" and not target.side
     return target.claim("stop", place=place, side="ahead" if facing else target.side)
 
