@@ -191,8 +191,9 @@ class Things:
         marks = list(enumerate(self.facts.landmarks))
         if claim.what == "door":
             names = room_names(claim.room)
-            return [n for n, m in marks if m.noun == DOOR
-                    and (not names or self._leads_to(n, names))]  # fmt: skip
+            doors = [n for n, m in marks if m.noun == DOOR]
+            sure = [n for n in doors if self.facts.landmarks[n].room in names]
+            return sure or [n for n in doors if not names or self._leads_to(n, names)]
         found = [n for n, m in marks if called(m.noun, claim.name)]
         head, _, kind = claim.name.rpartition(" ")
         if not found and head and room_names(head):

@@ -72,6 +72,20 @@ TRUTHS = [
         "bookshelf.",
     ),
 ]
+TRUTHS += [
+    (0, "Out of kids' room, left, past mirror, bench right, stop past coat rack."),
+    (0, "You want the coat rack. Go out of the children's room and left down the hall."),
+    (0, "Leave the kids' room and turn left. There is a bathroom on the right. Stop outside it."),
+    (1, "Go left, left again, there is the kids' room. Go in and carry on as far as the chair."),
+    (2, "Once you're out of the bedroom go right, then it's left into the bathroom. Stop with the "
+        "toilet on your right and the bathtub on your left."),
+    (2, "Clean the washbasin in the bathroom."),
+    (2, "Go to the bathroom and wipe the toilet."),
+    (3, "Right out of the bedroom, past the shoe cabinet, then bear left into the children's room. "
+        "Stop just after the wardrobe."),
+    (4, "Walk along the table, keeping it on your right. Go right past the fridge, straight into "
+        "the living room, left into the hall, and in at the next door on the left. Stop there."),
+]  # fmt: skip
 LIES = [
     (
         0,
@@ -152,7 +166,36 @@ LIES = [
         "Pass the fridge and go through into the living room, then left into the hall. Walk "
         "twenty metres and turn left into the study. Stop before the bookshelf.",
     ),
-]
+    (1, "slight", "Walk down the hall and bear right. Turn left into the kids' room and stop."),
+    (3, "slight", "Turn right out of the bedroom, bear right into the kids' room and stop."),
+    (2, "bareside", "Out of bedroom, left, past coat rack, left into bathroom, stop at washbasin."),
+    (0, "keepside", "Go out and turn left. Pass the bench, keeping it on your left, and stop."),
+    (
+        0,
+        "roomside",
+        "Leave the children's room and turn left. Stop with the bathroom door on your left.",
+    ),
+    (
+        4,
+        "twin",
+        "Walk along the dining table, which is on your right, and stop beside the plant.",
+    ),
+    (2, "near", "Leave the bedroom, go right, then left into the bathroom. Stop at the bench."),
+    (3, "passed", "Turn right out of the bedroom. Turn left into the kids' room and stop before "
+        "you reach the wardrobe."),
+    (1, "past", "Walk down the hall, turn left, and left again into the kids' room. Stop once you "
+        "have passed the desk."),
+    (2, "order", "Walk out of the bedroom. Go right along the hall, past the basket and then the "
+        "coat rack, left into the bathroom. Stop at the washbasin."),
+    (0, "distance", "Leave the children's room and turn left. Pass the bench, walk another eight "
+        "metres and stop."),
+    (0, "distance", "Leave the children's room and turn left. Walk two hundred feet past the "
+        "mirror and stop after the coat rack."),
+    (0, "doorway", "Leave the children's room, turn left and stop in the bedroom doorway."),
+    (4, "negation", "Pass the fridge, then left into the hall. Don't go into the office. Stop on "
+        "the rug."),
+    (3, "turnroom", "Turn right out of the bedroom. Turn right into the kids' room and stop."),
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("number", "text"), TRUTHS)
@@ -256,6 +299,17 @@ def test_claims_that_are_read_are_written_and_read_again():
     ]
     again = read_steps(json.loads(json.dumps(records)))
     assert [step.claims for step in again] == [step.claims for step in steps]
+
+
+def test_texts_as_long_as_rxrs_are_read(two_rooms):
+    ground = Ground(facts_of(LEFT, two_rooms))
+    way = "Turn left through the doorway into the kitchen and stop next to the table. "
+    chat = "Take all the time that you need on the way, {} is no hurry at all here. "
+    words = ("there", "it", "this", "that", "now", "today", "here")
+    text = "".join(chat.format(word) for word in words) + way
+    assert 90 < len(text.split()) < 150
+    assert check_text(text, ground).problems == ()
+    assert "valid: 3 … 300" in check_text(text * 4, ground).problems[0]
 
 
 _SOME = """turn left right the second red sofa of with between and , . stop to in on your door into
