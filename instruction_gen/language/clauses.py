@@ -5,7 +5,17 @@ from dataclasses import dataclass, field
 
 from .claims import Claim
 from .tokens import Token
-from .words import DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT, VERB_OF
+from .words import (
+    BENDS,
+    DETERMINERS,
+    JOINTS,
+    ORDINALS,
+    PARTS,
+    PREP_OF,
+    SHARP,
+    SLIGHT,
+    VERB_OF,
+)
 
 _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
@@ -16,6 +26,11 @@ _NOT_VERB_AFTER = frozenset("'s one left right next other far dead front near".s
 _ALSO_NOUNS = frozenset("round clear open clean water bend".split())
 _GOES = frozenset("leads lead runs goes comes takes".split())
 _OPENS = frozenset("opens open".split())  # "the kitchen opens on your left"
+
+_PART_WORDS = frozenset(
+    "far near other opposite long short left right first second very front back whole same "
+    "further closest nearest".split()
+)
 
 
 @dataclass
@@ -105,3 +120,20 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     ):
         return ""
     return "go" if word in _GOES else "see" if word in _OPENS else kind
+
+
+def part_end(tokens: Sequence[Token], k: int) -> int:
+    """Return where a part ends that stands for what follows: `the end of`; `k` where none does."""
+    j = k
+    while j < len(tokens) and (tokens[j].text in DETERMINERS or tokens[j].text in _PART_WORDS):
+        j += 1
+    whole = j + 1 < len(tokens) and tokens[j].text in PARTS and tokens[j + 1].text == "of"
+    return j + 2 if whole and tokens[k].text != "PLACE_OF" else k
+
+
+def degree_of(tokens: Sequence[Token]) -> str:
+    """Return `slight` or `sharp`, if any of the words says so."""
+    words = {t.text for t in tokens}
+    if words & SHARP:
+        return "sharp"
+    return "slight" if words & SLIGHT or words & BENDS else ""

@@ -201,45 +201,21 @@ ward=
 DOORS = frozenset(
     "door doors doorway doorways archway arch opening entrance exit gap passage doorframe".split()
 )
+_COLOURS = """black white grey=gray,silver red=maroon orange yellow=golden green=teal,olive
+    blue=navy,turquoise purple=violet pink brown beige=cream,tan"""
 COLOURS = {
-    "black": "black",
-    "white": "white",
-    "grey": "grey",
-    "gray": "grey",
-    "silver": "grey",
-    "red": "red",
-    "maroon": "red",
-    "orange": "orange",
-    "yellow": "yellow",
-    "golden": "yellow",
-    "green": "green",
-    "teal": "green",
-    "olive": "green",
-    "blue": "blue",
-    "navy": "blue",
-    "turquoise": "blue",
-    "purple": "purple",
-    "violet": "purple",
-    "pink": "pink",
-    "brown": "brown",
-    "beige": "beige",
-    "cream": "beige",
-    "tan": "beige",
-}
+    word: name
+    for name, _, more in (entry.partition("=") for entry in _COLOURS.split())
+    for word in (name, *more.split(",")) if word
+}  # fmt: skip
 # Colours that people confuse.
+_NEIGHBOURS = """black=grey white=grey,beige grey=white,black,beige,blue,green red=orange,pink,brown
+    orange=red,brown,yellow,beige yellow=orange,beige,green green=yellow,blue,grey
+    blue=purple,green,grey purple=blue,pink pink=red,purple,beige brown=orange,beige,red,black
+    beige=brown,white,yellow,grey,orange"""
 COLOUR_NEIGHBOURS = {
-    "black": {"grey"},
-    "white": {"grey", "beige"},
-    "grey": {"white", "black", "beige", "blue", "green"},
-    "red": {"orange", "pink", "brown"},
-    "orange": {"red", "brown", "yellow", "beige"},
-    "yellow": {"orange", "beige", "green"},
-    "green": {"yellow", "blue", "grey"},
-    "blue": {"purple", "green", "grey"},
-    "purple": {"blue", "pink"},
-    "pink": {"red", "purple", "beige"},
-    "brown": {"orange", "beige", "red", "black"},
-    "beige": {"brown", "white", "yellow", "grey", "orange"},
+    name: set(near.split(","))
+    for name, _, near in (entry.partition("=") for entry in _NEIGHBOURS.split())
 }
 # Colours that things have, whatever a picture or a label says of them.
 INNATE_COLOURS = {"plant": "green", "tree": "green"}

@@ -5,30 +5,14 @@ from dataclasses import replace
 from itertools import combinations
 
 from .claims import Claim, Step
-from .clauses import Clause, clauses_of, verb_at
+from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
-from .phrases import Phrase, is_known, number_of, read_distance, read_phrase, read_side
+from .loose import find_fault, step_of
+from .phrases import Phrase, read_distance, read_phrase, read_side
 from .targets import claim_of, forbidden, sided, stop_at
 from .tokens import Token, tokenize
-from .words import (
-    BENDS,
-    DETERMINERS,
-    FILLERS,
-    JOINTS,
-    NEGATIONS,
-    ORDINALS,
-    PARTS,
-    PREP_OF,
-    PRONOUNS,
-    RIGHT_ADVERB,
-    SHARP,
-    SLIGHT,
-    VERB_OF,
-)
+from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
 
-_SMALL_WORDS = (
-    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP,
-)  # fmt: skip
 # "The table, which stays on your right": no way of the walker.
 _STAYS = frozenset(
     "stay stays staying lie lies lying is are remain remains being keep keeping keeps be will "
@@ -40,19 +24,11 @@ _LISTING = frozenset(
     "them".split()
 )
 _GOES_ON = frozenset("go turn enter".split())
-_ADJECTIVE = (
-    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est",
-    "ible", "able",
-)  # fmt: skip
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 _MOST_DOUBTS = 4
 _KEEPS = ("keep", "keeping", "stay", "staying")
-_PART_WORDS = frozenset(
-    "far near other opposite long short left right first second very front back whole same "
-    "further closest nearest".split()
-)
 
 
 def read_text(text: str) -> list[Step]:
@@ -80,23 +56,7 @@ def _read(text: str, no_turns: frozenset[int]) -> "tuple[_Reader, list[Step]]":
     for clause in clauses:
         reader.read(clause)
     arrange(clauses)
-    return reader, [_step(clause, text) for clause in clauses if clause.tokens]
-
-
-def _step(clause: Clause, text: str) -> Step:
-    start, stop = clause.tokens[0].start, clause.tokens[-1].stop
-    loose = [
-        t.text
-        for k, t in enumerate(clause.tokens)
-        if k not in clause.used and t.is_word and not t.text.isupper() and _is_content(t.text)
-    ]
-    return Step(text[start:stop], tuple(clause.claims), start, tuple(loose), tuple(clause.faults))
-
-
-def _is_content(word: str) -> bool:
-    """Return whether a word says something that should be covered by a claim."""
-    closed = word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
-    return closed or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+    return reader, [step_of(clause, text) for clause in clauses if clause.tokens]
 
 
 class _Reader:
@@ -221,7 +181,7 @@ class _Reader:
                     claims.append(self._marked(word))  # "as you go in" says only when
                 clause.used.add(k)
                 k += 1
-            elif (part := _part_end(tokens, k)) > k:
+            elif (part := part_end(tokens, k)) > k:
                 k = part
             elif (not verb_at(tokens, k) or word == "exit") and (phrase := read_phrase(tokens, k)):
                 target, end = phrase
@@ -241,7 +201,7 @@ class _Reader:
                 if word in PREP_OF and not (word == "over" and k + 1 == len(tokens)):
                     prep = clause.prep = _preposition(clause, k, stop)
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
-                _find_fault(clause, k)
+                find_fault(clause, k)
                 k += 1
         stops = [n for n, c in enumerate(claims) if c.kind == "stop"]
         if clause.verb == "stop" and not stops:
@@ -308,7 +268,7 @@ class _Reader:
                 and (verb not in ("go", "") or self._is_no_turn()))
             # "The left of the table", "right to the end of the hall".
             or after == "of"
-            or (after == "to" and _part_end(tokens, end + 1) > end + 1)
+            or (after == "to" and part_end(tokens, end + 1) > end + 1)
         ):  # fmt: skip
             return ""
         if any(t.text in _KEEPS for t in tokens[:k]):
@@ -324,7 +284,7 @@ class _Reader:
             clause.used.update(range(k, end))
             ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
                             if t.text in ORDINALS), 0)  # fmt: skip
-            claims.append(Claim("turn", side=side, degree=_degree(tokens), ordinal=ordinal))
+            claims.append(Claim("turn", side=side, degree=degree_of(tokens), ordinal=ordinal))
         return ""
 
     def _place(self, clause: Clause, named: list[int], side: str) -> None:
@@ -348,42 +308,7 @@ def _preposition(clause: Clause, k: int, stop: bool) -> str:
     return "toward" if almost else PREP_OF[word]
 
 
-def _find_fault(clause: Clause, k: int) -> None:
-    """Find fault with a word that stands for a thing and is in no table."""
-    tokens, word = clause.tokens, clause.tokens[k].text
-    if is_known(word) or not word.isalpha():
-        if is_known(word) and not (
-            word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
-        ):
-            clause.used.add(k)
-        return
-    before = tokens[k - 1].text if k else ""
-    after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-    if word.endswith(_ADJECTIVE):
-        return
-    if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
-        clause.faults.append(f"{word} {after}: no such thing is known")
-    elif before in DETERMINERS and before not in ("that", "this"):
-        clause.faults.append(f"{word}: no such thing or place is known")
-
-
 def _is_sided(tokens: Sequence[Token], k: int) -> bool:
     """Return whether a pronoun stands for a thing on a side: `keep it on your left`."""
     read = read_side(tokens, k + 1)
     return read is not None and read[1]
-
-
-def _part_end(tokens: Sequence[Token], k: int) -> int:
-    """Return where a part ends that stands for what follows: `the end of`; `k` where none does."""
-    j = k
-    while j < len(tokens) and (tokens[j].text in DETERMINERS or tokens[j].text in _PART_WORDS):
-        j += 1
-    whole = j + 1 < len(tokens) and tokens[j].text in PARTS and tokens[j + 1].text == "of"
-    return j + 2 if whole and tokens[k].text != "PLACE_OF" else k
-
-
-def _degree(tokens: Sequence[Token]) -> str:
-    words = {t.text for t in tokens}
-    if words & SHARP:
-        return "sharp"
-    return "slight" if words & SLIGHT or words & BENDS else ""

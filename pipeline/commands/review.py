@@ -7,7 +7,8 @@ from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.facts.named import read_named
-from ...instruction_gen.review.server import Review, make_server
+from ...instruction_gen.review.paths import Review
+from ...instruction_gen.review.server import make_server
 from ..context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episode_file import scenes_of

@@ -24,7 +24,8 @@ from vlnpe.instruction_gen.review.decisions import (
     agreement,
     apply_decisions,
 )
-from vlnpe.instruction_gen.review.server import Review, _Handler, make_server
+from vlnpe.instruction_gen.review.paths import Review
+from vlnpe.instruction_gen.review.server import _Handler, make_server
 
 
 @pytest.fixture

@@ -1,0 +1,61 @@
+"""Words of a clause that no claim covers, and those that stand for things in no table."""
+
+from .claims import Step
+from .clauses import Clause
+from .phrases import is_known, number_of, read_phrase
+from .words import (
+    DETERMINERS,
+    FILLERS,
+    JOINTS,
+    NEGATIONS,
+    ORDINALS,
+    PARTS,
+    PREP_OF,
+    SHARP,
+    SLIGHT,
+    VERB_OF,
+)
+
+_SMALL_WORDS = (
+    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP,
+)  # fmt: skip
+_ADJECTIVE = (
+    "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est",
+    "ible", "able",
+)  # fmt: skip
+
+
+def step_of(clause: Clause, text: str) -> Step:
+    """Return a clause that is read as a step."""
+    start, stop = clause.tokens[0].start, clause.tokens[-1].stop
+    loose = [
+        t.text
+        for k, t in enumerate(clause.tokens)
+        if k not in clause.used and t.is_word and not t.text.isupper() and _is_content(t.text)
+    ]
+    return Step(text[start:stop], tuple(clause.claims), start, tuple(loose), tuple(clause.faults))
+
+
+def _is_content(word: str) -> bool:
+    """Return whether a word says something that should be covered by a claim."""
+    closed = word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
+    return closed or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+
+
+def find_fault(clause: Clause, k: int) -> None:
+    """Find fault with a word that stands for a thing and is in no table."""
+    tokens, word = clause.tokens, clause.tokens[k].text
+    if is_known(word) or not word.isalpha():
+        if is_known(word) and not (
+            word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
+        ):
+            clause.used.add(k)
+        return
+    before = tokens[k - 1].text if k else ""
+    after = tokens[k + 1].text if k + 1 < len(tokens) else ""
+    if word.endswith(_ADJECTIVE):
+        return
+    if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
+        clause.faults.append(f"{word} {after}: no such thing is known")
+    elif before in DETERMINERS and before not in ("that", "this"):
+        clause.faults.append(f"{word}: no such thing or place is known")
