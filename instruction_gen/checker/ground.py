@@ -172,8 +172,11 @@ class Ground(Things):
     def door_side(self, passage: PassageFact, side: str) -> bool:
         """Return whether a doorway that is walked through may be said to be on a side."""
         sign = 1 if side == "left" else -1
+        aside = abs(passage.bearing_deg) > 18.0
         into = [t for t in self.facts.turns if abs(t.angle_deg) >= 45.0
                 and -1.0 <= t.along_m - passage.along_m <= 0.25]  # fmt: skip
+        if into and aside and into[-1].along_m > passage.along_m:
+            return side in (into[-1].side, "left" if passage.bearing_deg > 0 else "right")
         if into:
             return into[-1].side == side
         near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= 0.8]

@@ -104,6 +104,8 @@ def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
     while k < len(tokens) and noun_kind(tokens[k].text):
         if tokens[k].text in _VERBLIKE and not names and start == first:
             break
+        if tokens[k].text == "stands" and names:
+            break
         names.append(tokens[k].text)
         used.append(k)
         k += 1

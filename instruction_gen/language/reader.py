@@ -250,6 +250,9 @@ class _Reader:
                 sided(previous, -1, side)
                 clause.used.update(range(k, end))
             return ""
+        if not (placed or clause.joint or clause.until) and end - k == len(tokens) \
+                and self._is_no_turn():  # fmt: skip
+            return ""  # "Right, off we go"
         ahead = side in ("ahead", "behind")
         if named and (
             ahead
