@@ -1,8 +1,9 @@
-"""Whether claims cover the words that they are delivered with.
+"""Whether words and claims that are delivered together say the same.
 
 Every word of a closed class — sides, rooms, things, doors, ordinals, numbers, negation, verbs that
-turn, enter, leave, pass or stop — must be said by a claim of its step. This reads no sentence: it
-compares two sets of words.
+turn, enter, leave, pass or stop — must be said by a claim of its step, and what a claim names must
+be in the words. This compares sets of words; what the words say in which order is compared with the
+ways in which they can be read.
 """
 
 import re
@@ -11,9 +12,9 @@ from collections.abc import Sequence
 from ..language.claims import Claim, Step
 from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
 from ..language.phrases import is_known, noun_kind, number_of, read_phrase
-from ..language.reader import read_text
+from ..language.reader import readings
 from ..language.tokens import Token, tokenize
-from ..language.words import NEGATIONS, ORDINALS, VERB_OF
+from ..language.words import NEGATIONS, ORDINALS, PRONOUNS, VERB_OF
 
 # Which claims account for a verb.
 _VERBS = {
@@ -22,17 +23,27 @@ _VERBS = {
     "leave": {"leave", "door"},
     "pass": {"pass", "see"},
 }
+_BACK = PRONOUNS | {"that", "there", "this", "its"}  # words that speak of what was named before
+_TWICE = ("twice", "two", "both", "again", "double")
+_OTHER_ORDER = ("before", "after", "UNTIL", "from", "behind")  # words that turn the order around
 
 
 def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str]]:
-    """Return what the claims of each step do not cover, with the number of the step."""
+    """Return what words and claims do not share, with the number of the step."""
     problems: list[tuple[int, str]] = []
     said = " ".join(step.words for step in steps)
     if _bare(said) != _bare(text):
         problems.append((len(steps) - 1, "the words of the steps are not those of the text"))
     stopped = False
+    named: list[str] = []
     for number, step in enumerate(steps):
-        problems += [(number, reason) for reason in _uncovered(step)]
+        tokens = tokenize(step.words)
+        nouns = [t.text for t in tokens if noun_kind(t.text) in ("thing", "room")]
+        known = [*nouns, *named] if any(t.text in _BACK for t in tokens) else nouns
+        problems += [(number, reason) for reason in _uncovered(step, tokens)]
+        problems += [(number, reason) for reason in _unsaid(step, known)]
+        problems += [(number, reason) for reason in _told_otherwise(step)]
+        named += nouns
         moves = any(c.kind not in ("stop", "see") for c in step.claims)
         if stopped and (moves or not step.claims):
             problems.append((number, "the text goes on after the stop"))
@@ -46,43 +57,76 @@ def _bare(text: str) -> list[str]:
     return re.findall(r"[a-z0-9]+", text.lower())
 
 
-def _uncovered(step: Step) -> list[str]:
+def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
+    """Return the words that no claim says."""
     if not step.claims:
         return [f"{step.words!r:.60} claims nothing"]
-    tokens = tokenize(step.words)
     problems = []
     kinds = {c.kind for c in step.claims}
     sides = {c.side for c in step.claims}
     numbers = {float(n) for c in step.claims for n in (c.count, c.ordinal, c.metres) if n}
+    names = [n for c in step.claims for n in (c.name, c.room) if n]
+    doors = any(c.what in ("door", "room") for c in step.claims)
     for k, token in enumerate(tokens):
-        word = token.text
-        verb = VERB_OF.get(word, "")
+        word, kind = token.text, noun_kind(token.text)
+        verb, number = VERB_OF.get(word, ""), number_of(word)
         if word in ("left", "right") and word not in sides:
             problems.append(f"no claim says {word}")
         elif word in NEGATIONS and "avoid" not in kinds:
             problems.append(f"{word}: an instruction says what to do")
-        elif (
-            (number := number_of(word))
-            and not _vague(tokens, k)
-            and not any(abs(number - n) < 0.51 for n in numbers)
-        ) or (word in ORDINALS and noun_kind(_after(tokens, k)) and ORDINALS[word] not in numbers):
+        elif (number and not _vague(tokens, k) and not _among(number, numbers)) or (
+            word in ORDINALS and noun_kind(_after(tokens, k)) and ORDINALS[word] not in numbers
+        ):
             problems.append(f"no claim says {word}")
-        elif noun_kind(word) and not _named(word, step.claims):
-            if read_phrase(tokens, k) or noun_kind(word) != "door":
+        elif kind and not (doors if kind == "door" else any(_covers(n, word) for n in names)):
+            if read_phrase(tokens, k) or kind != "door":
                 problems.append(f"no claim is about the {word}")
         elif verb in _VERBS and not kinds & _VERBS[verb] and not _noun_before(tokens, k):
             problems.append(f"no claim says {word}")
         elif not is_known(word):
             problems.append(f"{word} is in no table")
-    # A side belongs to its thing: "the sofa on your left and the table on your right".
-    for read in read_text(step.words):
-        problems += read.faults
-        for claim in read.claims:
-            if claim.what == "thing" and claim.side in ("left", "right"):
-                own = [c for c in step.claims if _same(c, claim)]
-                if own and not any(c.side == claim.side for c in own):
-                    problems.append(f"no claim says that the {claim.name} is on the {claim.side}")
     return problems
+
+
+def _unsaid(step: Step, nouns: Sequence[str]) -> list[str]:
+    """Return what claims say and no word does; `nouns` may be meant."""
+    names = dict.fromkeys(n for c in step.claims for n in (c.name, c.room) if n)
+    return [f"no word says {n}" for n in names if not any(_covers(n, word) for word in nouns)]
+
+
+def _told_otherwise(step: Step) -> list[str]:
+    """Return how the words contradict the claims in the reading that does so least."""
+    return min((_contradictions(read, step) for read in readings(step.words)), key=len)
+
+
+def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
+    problems = [fault for part in read for fault in part.faults]
+    claims = [claim for part in read for claim in part.claims]
+    # A side belongs to its thing: "the sofa on your left and the table on your right".
+    for claim in claims:
+        if claim.what == "thing" and claim.side in ("left", "right"):
+            own = [c for c in step.claims if c.what == "thing" and _covers(c.name, claim.name)]
+            if own and not any(c.side == claim.side for c in own):
+                problems.append(f"no claim says that the {claim.name} is on the {claim.side}")
+    told, meant = ([c.side for c in row if c.kind == "turn"] for row in (claims, step.claims))
+    twice = any(token.text in _TWICE for token in tokenize(step.words))
+    if (len(told) == len(meant) and told != meant) or (len(told) < len(meant) and not twice):
+        words = ", ".join(told) or "nowhere"
+        problems.append(f"the words turn {words}, the claims {', '.join(meant)}")
+    stops, ends = ([c.name for c in row if c.kind == "stop" and c.name]
+                   for row in (claims, step.claims))  # fmt: skip
+    for name in stops:
+        if ends and not any(_covers(end, name) for end in ends):
+            problems.append(f"no claim stops at the {name}")
+    told, meant = (_passed(row) for row in (claims, step.claims))
+    other = any(token.text in _OTHER_ORDER for token in tokenize(step.words))
+    if not other and told != meant and sorted(told) == sorted(meant):
+        problems.append(f"the words pass {', '.join(told)}, the claims {', '.join(meant)}")
+    return problems
+
+
+def _passed(claims: Sequence[Claim]) -> list[str]:
+    return [singular(c.name) for c in claims if c.kind == "pass" and c.what == "thing"]
 
 
 def _after(tokens: Sequence[Token], k: int) -> str:
@@ -100,24 +144,23 @@ def _vague(tokens: Sequence[Token], k: int) -> bool:
     )
 
 
-def _named(word: str, claims: Sequence[Claim]) -> bool:
-    kind = noun_kind(word)
-    if kind == "door":
-        return any(c.what in ("door", "room") for c in claims)
-    return any(_phrases_meet(word, name) for c in claims for name in (c.name, c.room) if name)
+def _among(number: float, numbers: set[float]) -> bool:
+    return any(abs(number - n) < 0.51 for n in numbers)
 
 
-def _same(claim: Claim, other: Claim) -> bool:
-    return claim.what == other.what and _phrases_meet(claim.name, other.name)
+def _covers(name: str, word: str) -> bool:
+    """Return whether a claim's name says what a word says: `coffee table` a table, not vice versa.
 
-
-def _phrases_meet(word: str, name: str) -> bool:
-    """Return whether two phrases may name the same kind of thing or room."""
-    return bool(_meanings(word) & _meanings(name))
+    A name of several words may also cover one of them: `shoe cabinet` a cabinet.
+    """
+    means = _meanings(name)
+    return singular(name) == singular(word) or (bool(means) and means <= _meanings(word))
 
 
 def _meanings(phrase: str) -> frozenset[str]:
-    result: set[str] = {singular(phrase)}
-    for one in (phrase, singular(phrase), *phrase.split()):
-        result |= OBJECT_PHRASES.get(one, frozenset()) | ROOM_PHRASES.get(one, frozenset())
-    return frozenset(result)
+    """Return the canonical things and rooms that a phrase may mean."""
+    for one in (phrase, singular(phrase)):
+        if one in OBJECT_PHRASES or one in ROOM_PHRASES:
+            return OBJECT_PHRASES.get(one, frozenset()) | ROOM_PHRASES.get(one, frozenset())
+    *_, kind = phrase.split() or [""]
+    return _meanings(kind) if kind != phrase else frozenset()
