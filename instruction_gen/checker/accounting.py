@@ -24,7 +24,7 @@ _VERBS = {
     "pass": {"pass", "see"},
 }
 _BACK = PRONOUNS | {"that", "there", "this", "its"}  # words that speak of what was named before
-_TWICE = ("twice", "two", "both", "again", "double")
+_TWICE = ("twice", "two", "double")
 _OTHER_ORDER = ("before", "after", "UNTIL", "from", "behind")  # words that turn the order around
 
 
