@@ -6,197 +6,7 @@ them names no landmark. So labels stay data, whatever they say.
 
 from functools import lru_cache
 
-# canonical noun = synonyms < kinds it may also be called; a comma goes on in the next line.
-_OBJECTS = """
-sofa=sectional,divan,chesterfield,futon,three-seater,
-couch,settee,loveseat<seat,seating
-armchair=club chair,wing chair,reading chair,accent chair,comfy chair,comfortable chair,cosy chair,
-easy chair,lounge chair,recliner,sofa chair,arm chair<chair,seat
-chair=dining chair,office chair,desk chair,swivel chair,computer chair,kitchen chair<seat
-stool=bar stool,barstool<seat
-pouf=hassock,beanbag,bean bag,
-ottoman,footstool,puff,footrest,foot stool<seat
-bench=<seat
-coffee table=cocktail table,centre table,center table,
-low table<table
-dining table=eating table,
-dinner table<table
-kitchen table=<table,dining table
-side table=end table<table
-nightstand=bedside unit,bedside stand,bedside drawers,
-bedside table,night stand,night table,bedside cabinet<table,cabinet
-table=
-desk=computer desk,study desk,computer table,workstation,
-reading desk,writing desk,work desk,work table,study table<table
-bed=
-bunk bed=<bed
-crib=cot<bed
-wardrobe=clothes cabinet,clothes cupboard,clothes closet,
-closet,armoire<cabinet,cupboard
-dresser=tallboy,highboy,set of drawers,drawer unit,chest,
-chest of drawers,drawers,bureau<cabinet
-sideboard=credenza,buffet,console,console table<cabinet,cupboard
-cabinet=cupboard
-kitchen cabinet=<cabinet,cupboard
-wall cupboard=wall cabinet<cupboard,cabinet
-shoe cabinet=shoe unit,shoe dresser,shoe locker,
-shoe cupboard,shoe storage,shoe closet,shoe chest,shoes<cabinet,cupboard
-shoe rack=<rack,shelf
-tv stand=television stand,tv unit,media console,tv console,tv table,tv bench,
-entertainment center,media unit,television unit<stand,cabinet
-tv cabinet=television cabinet<cabinet,tv stand
-television=flatscreen,tv screen,big screen,flat-screen tv,flat screen tv,flat-screen,
-tv,tv set,flat screen,screen,telly,television set
-monitor=computer screen,display<screen
-bookshelf=bookrack,book rack,wall of books,
-bookcase,book shelf,shelf of books,shelf with books,book case,bookshelves<shelf,shelves
-shelf=shelves,shelving,shelving unit
-rack=
-coat rack=coat hooks,coat hangers,coats,jackets,clothes stand,clothes hanger,
-coat pegs,hat rack,coat rail,hanger stand,
-coat stand,clothes rack,hat stand,coat hanger,coat hook,coat tree,garment rack,
-hall tree<rack,stand
-kitchen counter=kitchen worktop,kitchen countertop,work surface,kitchen work surface,kitchen top,
-counter,countertop,worktop,kitchen unit,kitchen units,kitchen cabinets
-counter=
-refrigerator=fridge-freezer,fridge freezer,
-fridge,freezer
-stove=cooker,hob,range
-oven=
-cooking bench=cooking counter<bench,counter,stove
-microwave=
-dishwasher=
-range hood=rangehood,extractor hood,hood
-sink=
-washbasin=hand basin,handbasin,bathroom sink,wash-basin,wash bowl,
-wash basin,basin<sink
-toilet=lavatory,toilet seat,toilet bowl,
-commode,toilet bowl,loo
-bathtub=bath,tub,bath tub
-shower=shower cabin
-washing machine=washer,laundry machine,clothes washer<machine
-dryer=<machine
-towel rail=towel rack,towel bar,towel holder,towel hanger<rail
-radiator=heat radiator,central heating,
-heater,heating
-fireplace=
-piano=grand piano
-guitar=
-drum=drums
-fitness equipment=exercise machine,exercise equipment,gym equipment,workout machine<machine
-treadmill=<machine
-dumbbell=dumbbells,weights
-plant=indoor plant,planter,greenery,flowerpot,flower pot,potted tree,
-potted plant,houseplant,pot plant,house plant,plant pot
-flower=flowers
-tree=
-vase=
-lamp=light
-floor lamp=upright lamp,reading lamp,lampstand,light stand,floor light,standing light,
-standing lamp,tall lamp,lamp stand<lamp,light
-table lamp=<lamp,light
-ceiling lamp=ceiling light,pendant lamp<lamp,light
-chandelier=<lamp,light
-clock=wall clock
-mirror=looking glass,wall mirror,standing mirror
-picture=wall art,framed picture,
-painting,photo,photograph,poster,artwork
-window=
-curtain=curtains,drape,drapes
-curtain rod=
-rug=floor covering,runner,
-carpet,mat,area rug,floor mat,floor rug
-carpet=rug,mat
-bin=garbage bin,paper bin,waste basket,
-trash can,trash bin,garbage can,waste bin,wastebasket,dustbin,rubbish bin,garbage bin,trash,
-rubbish,litter bin
-trash can=trash bin,garbage can,bin,waste bin,wastebasket
-box=
-seasoning box=<box
-basket=laundry basket,hamper,laundry hamper,wicker basket
-computer=laptop,pc
-tablet=
-printer=
-whiteboard=board
-airconditioner=air conditioner,air conditioning unit
-fan=
-security camera=camera
-kitchen utensils=utensils
-tableware=dishes
-handle=
-balcony table=<table
-stairs=staircase,stairway,steps
-statue=sculpture
-pillar=column
-column=pillar
-railing=rail
-door=doors
-elevator=lift
-vending machine=<machine
-water dispenser=water cooler
-aquarium=fish tank
-billiard table=pool table<table
-bicycle=bike
-car=
-suitcase=
-dog=
-cat=
-pillow=cushion
-blanket=
-hammock=
-island=kitchen island
-wheelchair=<chair
-hospital bed=<bed
-trolley=cart
-locker=lockers
-reception desk=front desk,reception counter,reception,nurses station,nurse station,
-nursing station<desk,counter
-fire extinguisher=
-sign=
-partition=screen
-stand=
-machine=
-storage=storage unit
-speaker=
-"""
-
-_ROOMS = """
-living room=lounge room,tv room,sitting area,lounge area,
-lounge,sitting room,family room,living area,front room
-kitchen=kitchenette,
-kitchen area
-bedroom=sleeping room,master bedroom,guest bedroom,guest room,
-bed room
-children's room=childs room,kids area,
-childrens room,kids room,kid's room,child's room,children room,child room,
-kid room,kids bedroom,kids' room,kids' bedroom,kid's bedroom,children's bedroom<bedroom
-bathroom=powder room,shower area,
-restroom,washroom,bath room,wc,shower room
-hallway=passage way,hall area,corridor area,
-hall,corridor,passage,passageway,landing,hall way
-dining room=eating area,dining corner,
-dining area,dining hall,dining space
-exercise room=workout area,training room,fitness area,
-gym,fitness room,workout room,exercise area
-laundry room=utility room
-music room=
-office=workroom,study area,office room,
-study,home office,study room,den,work room
-entrance hall=entryway,foyer,entrance way,vestibule<hallway
-closet room=walk-in closet,dressing room
-garage=
-balcony=terrace,patio
-basement=cellar
-attic=
-library=
-garden=yard
-meeting room=conference room
-lobby=
-nursery=
-storeroom=storage room,pantry
-stairwell=
-ward=
-"""
+from .tables import table_text
 
 DOORS = frozenset(
     "door doors doorway doorways archway arch opening entrance exit gap passage doorframe".split()
@@ -238,9 +48,13 @@ _IRREGULAR = {
 }  # fmt: skip
 
 
-def _table(text: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
+def _table(name: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
+    """Read lines `canonical noun = synonyms < kinds it may also be called`.
+
+    A comma at the end of a line goes on in the next.
+    """
     result = {}
-    for line in text.strip().replace(",\n", ",").splitlines():
+    for line in table_text(name).strip().replace(",\n", ",").splitlines():
         name, _, rest = line.partition("=")
         same, _, kinds = rest.partition("<")
         words = frozenset(w.strip() for w in same.split(",") if w.strip()) | {name}
@@ -248,8 +62,8 @@ def _table(text: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
     return result
 
 
-OBJECTS = _table(_OBJECTS)
-ROOMS = _table(_ROOMS)
+OBJECTS = _table("objects")
+ROOMS = _table("rooms")
 
 
 @lru_cache(maxsize=4096)

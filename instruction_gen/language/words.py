@@ -2,33 +2,11 @@
 
 from functools import cache
 
-# kind of verb: its forms. Of two verbs in a clause the first that is not `go` decides.
-_VERBS = {
-    "turn": """turn turning turns turned bear bearing veer veering swing swinging rotate pivot curve
-        curving bend bending bends angle hook hang slant swerve lean drift curl curling""",
-    "go": """walk walking go going head heading move moving continue continuing proceed proceeding
-        step stepping follow following travel advance come coming carry make making take taking get
-        getting march stroll strolling start starting begin beginning set wander wandering amble
-        saunter stride squeeze slip duck nip pop thread navigate wend venture push run jog cut
-        cutting return returning leads leading lead progress wind use using choose pick cover trek
-        edge skirt skirting hug hugging circle circling round rounding traverse hop crawl climb
-        ease pursue retrace goes comes takes follows runs continues heads opens open keep
-        keeping stay staying remain hold walked""",
-    "cross": "cross crossing crosses traverse traversing",
-    "enter": "enter entering entered enters",
-    "leave": "leave leaving exit exiting exits depart quit leaves left_behind",
-    "pass": "pass passing passes passed clear clearing",
-    "stop": """stop stopping stops stopped wait waiting halt halting pause stand finish finishing
-        finished park rest sit seated end ends ending arrived done freeze stay_there conclude cease
-        destination goal target finishes kneel lie bring fetch clean water open_up wipe dust grab
-        collect""",
-    "see": """see seeing sees notice spot find finding look looking looks is are stands lies sits
-        hangs appears was be observe face faces shows seen watch has have having""",
-    "reach": """reach reaching reached reaches bump approach approaching arrive arriving meet meets
-        hit""",
-}
-VERB_OF = {form: kind for kind, forms in _VERBS.items() for form in forms.split()}
+from .tables import table_text
 
+_VERB_ROWS = (row.partition(":") for row in table_text("verbs").replace("\n ", " ").splitlines())
+# The kind of each form; of two verbs in a clause the first that is not `go` decides.
+VERB_OF = {form: kind for kind, _, forms in _VERB_ROWS for form in forms.split()}
 # Prepositions by what they say of the place that follows.
 PREPOSITIONS = {
     "past": "past by beyond alongside passing",
@@ -52,77 +30,6 @@ PREPOSITIONS = {
     "than": "than",
 }
 PREP_OF = {word: prep for prep, words in PREPOSITIONS.items() for word in words.split()}
-
-# What is read as if it were other words; a line that ends with a bar goes on in the next. Words in
-# capitals are marks.
-_PHRASES = """
-next to|right next to|just next to|close to|close by|hard by|adjacent to|level with|abreast of|
-in line with=at
-at the level of|at the side of|by the side of|in the vicinity of=at
-in front of|just short of|short of|ahead of|right in front of|just ahead of=before
-just inside=in
-out of|out from|away from|clear of|off of=from
-out to|out into|out onto|back to|back into|through to|through into|through onto|over to|on to|
-on into|up into=into
-out in|back in|into in=into
-as far as|all the way to|right up to|up to|down to|along to|across to|all the way down to=to
-all the way into|straight into|directly into|on through to|on through into=into
-across from|facing toward=at
-out through|out by|out via|back through|out of by|straight through|all the way through=through
-in through=through
-on through=through
-straight past|just past|on past|on by|all the way past|out past|back past=past
-all the way down|all the way along|straight down|straight along|straight up=along
-just by=at
-just before|immediately before=before
-just after|immediately after|just beyond|shortly after=after
-in between=between
-just outside=outside
-straight across|all the way across=across
-turn around|turning around|turn round|turn back|u turn|u-turn|about face|about turn|
-do a 180|turn yourself around|turn right around|turn right round=TURN_AROUND
-make your way|making your way|carry on|carrying on|keep on|keep going|keep walking|
-keep straight|keep moving|keep heading|keep straight on|move on|press on|set off|set out|
-start off|start out|head off|get going|go on|walk on|find your way|work your way|pick your way|
-take yourself|head on|moving on|going on|walking on|continue on|go ahead|walk ahead=go
-make a u turn|make a u-turn|do a u turn|do a u-turn=TURN_AROUND
-come to a stop|come to a halt|come to rest|coming to a stop|bring yourself to a stop|
-you are there|you are done|you have arrived|you have reached your destination|you arrive|
-that is it|that is where you stop|that is your stop|that is your spot|take a seat|sit down|
-take up position|end up|end your walk|ending up|this is it|that is the spot|that is the place|
-have a seat|you have made it=stop
-where you stop|where you should stop|where we stop|where you want to stop|where you finish|
-where you end|where you should end up|where you want to be|where you need to be|where to stop|
-where you are headed|where you are going|where you wait=stop
-you want|you need|you are looking for|we want|head for|heading for|make for|making for|
-aim for|aiming for=TOWARD
-get to|come to|gets to|come up to|arrive at|arriving at|you meet|walk up to|go up to|
-getting to|come upon|come across|go as far as|go all the way to|walk as far as|
-walk all the way to=reach
-comes into view|come into view|comes up|come up|coming up|appears|you will find|you find|
-you can see=see
-there is|there are|there will be|here is=see
-get in|go in|walk in|head in|step in|come in|nip in|pop in|going in|in you go|go inside|
-walk inside|step inside|head inside|in there=GO_IN
-go out|walk out|head out|step out|come out|get out|going out|walking out|out you go|
-exit out|coming out=GO_OUT
-go through|walk through|step through|head through|pass through|going through|
-walking through|passing through=GO_THROUGH
-so that|such that|until|till|once|when|as soon as|by the time|the moment|as you|as|where|
-after you|after passing|if=UNTIL
-both sides|either side|each side|side by side|right away|right now|straight away|all right|
-all the way|the rest of the way|right angle|at right angles|of course|by now|the other way|
-on your way|along the way|on the way|in a straight line|straight on|straight ahead|dead ahead|
-straight forward|at once|at all|at last|in turn|for now=
-on your feet|in your path|in your way|at the same time|as well|so far|a little way|a bit further|
-a short way|a short distance|a little further|a little=
-right there|just there|over there|right here=there
-never mind that|never mind|mind you=
-in the middle of|in the centre of|in the center of|at the foot of|at the head of|
-at the corner of|at the end of|at the far end of|by the end of|by the corner of|
-at the edge of=PLACE_OF
-in the corner|in the far corner|at the far end|at the end|at the back|in the middle=
-"""
 
 # Words that deny or forbid.
 NEGATIONS = frozenset(
@@ -192,42 +99,12 @@ PARTS = frozenset(
     legs arm""".split()
 )
 # Nouns without a place, and small words that claim nothing.
-FILLERS = frozenset(
-    """i you we us they he she yourself your our me will would should can could may might must shall
-    do does did let please just only about roughly around approximately almost nearly exactly around
-    straight ahead forward forwards on further farther again also too still even soon now here there
-    immediately directly slowly carefully quickly simply quite very really right left first finally
-    next eventually instead already always well okay ok alright yes so good fine easy lovely nice
-    off away back out over down up in through along across onward onwards backwards more enough bit
-    little moment time way ways path route line course heading distance space place spot point area
-    room rooms floor wall walls furniture house apartment flat home building hand side sides left
-    right front end ends middle far other same opposite long short whole entire main wide narrow
-    open closed close near nearby big small large tiny tall low high round square empty single
-    double new old final immediate once twice one ones another both all each few couple several some
-    any bit stretch leg journey trip walk turn turns corner bend gap sight view reach position
-    destination goal target heading degree degrees ninety clockwise counterclockwise anticlockwise
-    diagonal diagonally slight slightly sharp sharply gentle gently soft hard full half quick brief
-    today course that this which who whose what it its them their his her than own beyond want wants
-    need needs going get gets got getting be being been am was were has have had having do doing
-    until past between arms length arm touch nose eye eyes face foot feet level before after behind
-    beside under above below against towards toward from by with of for to into inside outside the a
-    an at as if when while where because like then and but or everything something anything thing
-    things part parts directions direction halfway part-way midway centre center edge start
-    beginning begin finish ready set mind try sure without hello hey oh look notice remember note
-    standing sitting lying hanging located placed positioned visible mounted running leading
-    attached connected joined separate adjoining adjacent neighbouring neighboring nearest closest
-    farthest furthest larger smaller latter former following remaining leftmost rightmost
-    double-door instruction instructions location facing toward squarely gradually smoothly
-    cautiously gently briefly continuously sideways ninety-degree right-angle two-seat upright alone
-    kind sort type pair set group row rows line lines bunch shoulder shoulders knee elbow hip
-    passage-way anyway however maybe perhaps probably actually basically honestly thanks thank
-    welcome careful watch your yours mine ours later u turn""".split()
-)
+FILLERS = frozenset(table_text("fillers").split())
 
 
 def _table() -> dict[tuple[str, ...], tuple[str, ...]]:
     result = {}
-    for line in _PHRASES.strip().replace("|\n", "|").splitlines():
+    for line in table_text("phrases").strip().replace("|\n", "|").splitlines():
         phrases, _, meaning = line.partition("=")
         for phrase in phrases.split("|"):
             result[tuple(phrase.split())] = tuple(meaning.split())
