@@ -179,7 +179,8 @@ class Ground(Things):
             return side in (into[-1].side, "left" if passage.bearing_deg > 0 else "right")
         if into:
             return into[-1].side == side
-        near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= 0.8]
+        after_m = 0.8 if aside else 1.3
+        near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= after_m]
         turned, bearing = sign * sum(t.angle_deg for t in near), sign * passage.bearing_deg
         if abs(turned) < 20.0 or (turned > 0) == (bearing > 0) or abs(bearing) > abs(turned):
             if bearing > 12.0 or turned >= 20.0:

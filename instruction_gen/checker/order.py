@@ -85,7 +85,10 @@ class _Walk:
             }[claim.kind](claim)  # fmt: skip
         if claim.kind in ("door", "enter", "leave", "in"):
             return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
-        since = min(int(np.argmax(here)) for here in self.states.values())
+        # Who has gone through a door does not mean what is on this side of it.
+        through = self.claims[self.index - 1].kind in ("leave", "enter", "door")
+        rank = 0.5 if self.index and through else 0.0
+        since = min(int(np.quantile(np.flatnonzero(m), rank)) for m in self.states.values())
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
             claim, since
         )

@@ -15,7 +15,7 @@ Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
 
 PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
 # How far from a thing the path may end, by the claim's place.
-_STOP_M = {"before": 2.8, "past": 2.8, "between": 2.4}
+_STOP_M = {"before": 2.8, "past": 3.2, "between": 2.4}
 _STOP_SIDED_M = {"": 2.0, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
 _AT_HAND_M = 1.8
@@ -182,7 +182,7 @@ class Things:
             return chosen
         # Who could name one at hand does not mean one across the room.
         far_m = np.where(here[rows], self.distance[chosen][rows], np.inf).min(axis=1)
-        rows = rows[far_m <= max(_AT_HAND_M, far_m.min() + 1.0)]
+        rows = rows[far_m <= max(_AT_HAND_M, far_m.min() + 1.5)]
         first_m = self.along_m[here[rows].argmax(axis=1)]
         return [chosen[k] for k in rows[first_m <= first_m.min() + _ONE_PLACE_M]]
 

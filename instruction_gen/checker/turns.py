@@ -89,7 +89,8 @@ class Turns:
         later = [c for c in self.claims[index:] if c.kind == "turn" and c.side != claim.side]
         if claim.degree != "slight" or len(left) > len(later):
             return np.zeros_like(here)
-        result = here.copy()
+        last_m = float(self.along[here][-1])
+        result = here | self.ground.between(last_m, last_m + 2.5)
         for turn in others:
             result &= ~self.ground.between(turn.along_m - 2.0, turn.along_m + 2.0)
         return result

@@ -123,7 +123,11 @@ class _Reader:
             before.claims[-1].what == starts[0].what or before.claims[-1].kind == "pass"
         )
         if same or before.negated or before.verb in ("stop", "see"):
-            clause.verb, clause.prep = before.verb, before.prep
+            placed = any(read_side(clause.tokens, k) for k in range(len(clause.tokens)))
+            clause.verb, clause.prep = (
+                before.verb,
+                "" if placed and before.verb == "stop" else before.prep,
+            )
             clause.until = clause.until or before.until
             clause.negated = clause.negated or before.negated
 

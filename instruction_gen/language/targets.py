@@ -26,7 +26,7 @@ _ROWS = {
     "thing": (
         ("past along between after across around through", "", "pass cross", "pass"),
         ("with toward from behind before", "see toward", "", "see"),
-        ("at to in into", "", "", "reach"),
+        ("at to in into", "", "reach", "reach"),
     ),
 }
 _ELSE = {"room": "see", "door": "reach", "thing": "see"}
