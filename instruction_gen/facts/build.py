@@ -1,6 +1,7 @@
 """Build the facts of a path from its geometry, the scene's labels and what the camera saw."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,24 +10,30 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length, point_along
 from ...formats.scene.visibility import Visibility
-from ...wayfinding.crossings import DOORWAY_M, crossings
+from ...wayfinding.crossings import DOORWAY_M, Crossing, crossings
 from .actions import find_turns
 from .doors import DOOR
 from .geometry import Track, track_of
-from .landmarks import landmarks_of
+from .landmarks import PLAIN, landmarks_of
 from .level import LevelFacts
 from .records import (
+    LandmarkFact,
     PassageFact,
     PathFacts,
     SegmentFact,
     TurnFact,
     VisitFact,
 )
-from .rooms import rooms_near
+from .rooms import nouns_inside, rooms_near
+from .views import onward, room_ahead, views_of
 
 SMALL_TURN_RAD = np.deg2rad(20.0)
 _BEFORE_DOOR_M = 1.5
 _THRESHOLD_M, _NEAR_M = 0.7, 2.5
+_BEYOND_M, _BEHIND_FRAME_M = 0.5, 0.12
+_AT_DOOR_M = 1.0
+_ROW_M = 3.6  # doorways this near to the path are counted
+_ASIDE_DEG = 15.0
 
 
 def path_facts(
@@ -46,10 +53,11 @@ def path_facts(
     turns = tuple(
         TurnFact(round(t.along_m, 2), round(float(np.rad2deg(t.angle_rad)), 1)) for t in found
     )
-    passages = _passages(shared, path, track)
-    visits = _visits(shared, path, passages, length)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
     landmarks = landmarks_of(shared, track, sight)
+    crossed = _crossings(shared, path, length)
+    visits = _visits(shared, path, crossed, length)
+    passages = _passages(shared, crossed, track, visits, landmarks, turns)
     return PathFacts(
         trajectory_id=episode.trajectory_id,
         scene_id=episode.scene_id,
@@ -65,6 +73,8 @@ def path_facts(
         start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
         goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
         goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
+        room_ahead=room_ahead(shared.regions, shared.names, path),
+        views=views_of(landmarks, turns, passages, round(length, 2)),
         camera=visibility.camera if visibility and sight else None,
     )
 
@@ -88,55 +98,110 @@ def _segments(
     return tuple(result)
 
 
+def _crossings(shared: LevelFacts, path: NDArray[np.float64], length_m: float) -> list[Crossing]:
+    """Return where the path passes a door frame, at its ends too.
+
+    Both ends are drawn out by half a metre: who stands just behind a frame is in the room behind
+    it, wherever the map draws the border of the two.
+    """
+    before, after = (onward(p, _BEYOND_M)[-1] for p in (path[::-1], path))
+    longer = np.vstack([before, path, after])
+    crossed = (replace(c, along_m=c.along_m - _BEYOND_M) for c in crossings(shared.regions, longer))
+    return [c for c in crossed if _BEHIND_FRAME_M <= c.along_m <= length_m - _BEHIND_FRAME_M]
+
+
 def _passages(
-    shared: LevelFacts, path: NDArray[np.float64], track: Track
+    shared: LevelFacts,
+    crossed: Sequence[Crossing],
+    track: Track,
+    visits: Sequence[VisitFact],
+    landmarks: Sequence[LandmarkFact],
+    turns: Sequence[TurnFact],
 ) -> tuple[PassageFact, ...]:
     result = []
-    for c in crossings(shared.regions, path):
+    for c, visit in zip(crossed, visits, strict=False):
         k = int(np.searchsorted(track.along_m, max(0.0, c.along_m - _BEFORE_DOOR_M)))
         k = min(k, len(track.along_m) - 1)
         to = c.position_xy_m - track.points_m[k]
         bearing = np.rad2deg(np.arctan2(to[1], to[0]) - track.heading_rad[k])
+        bearing = round(float((bearing + 180) % 360 - 180), 1)
+        into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.4), None)
+        side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
+        side = side or (into.side if into and abs(into.angle_deg) > 45.0 else "")
+        to_room = shared.names[c.to_region]
         result.append(
             PassageFact(
                 round(c.along_m, 2),
                 shared.names[c.from_region],
-                shared.names[c.to_region],
+                to_room,
                 c.width_m <= DOORWAY_M,
-                round(float((bearing + 180) % 360 - 180), 1),
+                bearing,
+                side,
+                _place_in_row(landmarks, side, visit.from_m, c.along_m) if side else 0,
+                max(0, visit.beyond.count(to_room) - 1) if to_room else 0,
+                _thing_at(shared, c),
             )
         )
     return tuple(result)
 
 
-def _visits(
-    shared: LevelFacts,
-    path: NDArray[np.float64],
-    passages: Sequence[PassageFact],
-    length: float,
-) -> tuple[VisitFact, ...]:
-    knots = [0.0, *(p.along_m for p in passages), round(length, 2)]
-    crossed = crossings(shared.regions, path)
-    # A step over the threshold of the next room is no visit: the last room is the one before it.
-    last = crossed[-1].to_region if crossed else int(shared.regions.at(path[len(path) // 2]))
-    rooms = _rooms(shared, [*(c.from_region for c in crossed), last], passages)
-    return tuple(
-        _visit(shared, name, region, a, b)
-        for (name, region), (a, b) in zip(rooms, pairwise(knots), strict=True)
+def _place_in_row(
+    landmarks: Sequence[LandmarkFact], side: str, from_m: float, along_m: float
+) -> int:
+    """Return the place of a passage at `along_m` among the doorways on its side from `from_m`."""
+    return 1 + sum(
+        mark.noun == DOOR
+        and mark.side == side
+        and mark.distance_m <= _ROW_M
+        and from_m + 0.5 < mark.along_m < along_m - 0.5
+        for mark in landmarks
     )
 
 
-def _visit(shared: LevelFacts, name: str, region: int, from_m: float, to_m: float) -> VisitFact:
-    openings = shared.openings[region] if region >= 0 else ()
+def _thing_at(shared: LevelFacts, crossing: Crossing) -> str:
+    """Return the noun of a thing beside an opening that is the only one in the room left."""
+    inside = shared.regions.at(0.5 * (shared.low_m + shared.high_m)) == crossing.from_region
+    edge = np.clip(crossing.position_xy_m, shared.low_m, shared.high_m)
+    far_m = np.linalg.norm(edge - crossing.position_xy_m, axis=1)
+    nouns = [noun for noun, here in zip(shared.nouns, inside, strict=True) if here]
+    for n in np.argsort(far_m):
+        noun = shared.nouns[n]
+        if far_m[n] > _AT_DOOR_M:
+            break
+        if inside[n] and noun != DOOR and noun not in PLAIN and nouns.count(noun) == 1:
+            return noun
+    return ""
+
+
+def _visits(
+    shared: LevelFacts,
+    path: NDArray[np.float64],
+    crossed: Sequence[Crossing],
+    length: float,
+) -> tuple[VisitFact, ...]:
+    knots = [0.0, *(round(c.along_m, 2) for c in crossed), round(length, 2)]
+    # A step over the threshold of the next room is no visit: the last room is the one before it.
+    last = crossed[-1].to_region if crossed else int(shared.regions.at(path[len(path) // 2]))
+    regions = [*(c.from_region for c in crossed), last]
+    inside = nouns_inside(shared.regions, shared.nouns, shared.low_m, shared.high_m)
+    return tuple(
+        _visit(shared, inside, region, a, b)
+        for region, (a, b) in zip(regions, pairwise(knots), strict=True)
+    )
+
+
+def _visit(
+    shared: LevelFacts,
+    inside: Sequence[frozenset[str]],
+    region: int,
+    from_m: float,
+    to_m: float,
+) -> VisitFact:
+    if region < 0:
+        return VisitFact("", from_m, to_m)
+    name, openings = shared.names[region], shared.openings[region]
     beyond = tuple(sorted(room for rooms in openings for room in rooms))
-    return VisitFact(name, from_m, to_m, len(openings), beyond)
-
-
-def _rooms(
-    shared: LevelFacts, regions: Sequence[int], passages: Sequence[PassageFact]
-) -> list[tuple[str, int]]:
-    """Return name and region of each room visited."""
-    if not passages:
-        return [(shared.names[regions[0]] if regions[0] >= 0 else "", regions[0])]
-    names = [passages[0].from_room, *(p.to_room for p in passages)]
-    return list(zip(names, regions, strict=True))
+    twins = [k for k, n in enumerate(shared.names) if n == name and k != region and n]
+    own = inside[region].difference(*(inside[k] for k in twins)) - PLAIN - {DOOR}
+    thing = min(own, key=lambda noun: (shared.nouns.count(noun), noun), default="")
+    return VisitFact(name, from_m, to_m, len(openings), beyond, len(twins), thing if twins else "")

@@ -1,5 +1,7 @@
 """The doorways of a level, from where its rooms meet."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
@@ -32,6 +34,21 @@ def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledOb
             )
         )
     return result
+
+
+def rooms_met(
+    regions: RegionMap,
+    names: Sequence[str],
+    low_m: NDArray[np.float64],
+    high_m: NDArray[np.float64],
+) -> tuple[str, ...]:
+    """Return the names of the rooms that meet in a doorway's box `low_m` … `high_m` (2,) [m]."""
+    xs, ys = (
+        np.arange(a - regions.grid.cell_m, b + 1.5 * regions.grid.cell_m, regions.grid.cell_m)
+        for a, b in zip(low_m, high_m, strict=True)
+    )
+    found = np.unique(regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)))
+    return tuple(sorted({names[k] for k in found if k >= 0} - {""}))
 
 
 def openings_of(regions: RegionMap) -> tuple[tuple[tuple[int, ...], ...], ...]:

@@ -19,6 +19,7 @@ from .records import (
 
 NEAR_M = 3.0  # a thing this near, with no wall between, is beside the path
 _MIN_SIZE_M = 0.45
+_BESIDE_M = 0.5
 _TOP_M, _BOTTOM_M = 0.25, 1.3  # a landmark rises above the first and begins below the second
 _MIN_PIXELS = 40  # of 128 × 96
 _MAX_OCCLUDED = 0.8
@@ -68,6 +69,7 @@ def landmarks_of(
     seen = _by_thing(sight)
     skin_m = np.array([skin_of(noun) for noun in shared.nouns])
     where = relations(track, shared.low_m, shared.high_m, shared.regions, skin_m)
+    beside = _beside(shared)
     result = []
     for n, thing in enumerate(shared.things):
         glimpses = seen.get(thing.name, ())
@@ -80,6 +82,7 @@ def landmarks_of(
                 track,
                 where,
                 n,
+                beside=beside[n],
                 near=near,
                 glimpses=glimpses,
                 floor_z_m=shared.bundle.level_floor_z_m[shared.level],
@@ -96,6 +99,7 @@ def _landmark(
     where: Relations,
     n: int,
     *,
+    beside: str,
     near: NDArray[np.bool_],
     glimpses: Sequence[Glimpse],
     floor_z_m: float,
@@ -145,7 +149,28 @@ def _landmark(
         occluded=round(best.occluded, 2) if best else 0.0,
         size_m=round(float(max(size[:2].max(), size[2])), 2),
         moments=_moments(track, where, n, np.flatnonzero(near), pixels),
+        leads=shared.leads[n],
+        beside=beside,
     )
+
+
+def _beside(shared: LevelFacts) -> list[str]:
+    """Return for each thing the nearest large one of another noun right beside it, "" = none."""
+    low, high = shared.low_m, shared.high_m
+    gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).clip(0.0)
+    gap = np.linalg.norm(gap, axis=-1)
+    result = []
+    for n, noun in enumerate(shared.nouns):
+        others = [
+            (float(gap[n, k]), thing.name)
+            for k, thing in enumerate(shared.things)
+            if gap[n, k] <= _BESIDE_M
+            and shared.nouns[k] not in (noun, DOOR, *PLAIN)
+            and shared.rooms[k] == shared.rooms[n]
+            and np.subtract(thing.upper_m, thing.lower_m).max() >= _MIN_SIZE_M
+        ]
+        result.append(min(others)[1] if others and noun != DOOR else "")
+    return result
 
 
 def _moments(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
-from .doors import DOOR, doorways, openings_of
+from .doors import DOOR, doorways, openings_of, rooms_met
 from .named import NamedRoom
 from .rooms import room_names, rooms_of_boxes
 
@@ -25,6 +25,7 @@ class LevelFacts:
         rooms: the room each stands in, "" when unknown.
         names: room name of each region.
         openings: of each region, each as the names of the rooms behind it.
+        leads: of each thing that is a doorway, the names of the rooms that meet in it.
         unnamed: labels that no noun is known for, with how many objects have them.
     """
 
@@ -38,6 +39,7 @@ class LevelFacts:
     rooms: tuple[str, ...]
     names: tuple[str, ...]
     openings: tuple[tuple[tuple[str, ...], ...], ...]
+    leads: tuple[tuple[str, ...], ...]
     unnamed: dict[str, int]
 
     @staticmethod
@@ -78,9 +80,13 @@ class LevelFacts:
             tuple(tuple(names[k] for k in rooms) for rooms in of_room)
             for of_room in openings_of(regions)
         )
+        leads = tuple(
+            rooms_met(regions, names, a, b) if noun == DOOR else ()
+            for noun, a, b in zip(nouns, low, high, strict=True)
+        )
         return LevelFacts(
             bundle, level, regions, tuple(things), tuple(nouns), low, high,
-            rooms_of_boxes(regions, names, low, high), names, openings, unnamed,
+            rooms_of_boxes(regions, names, low, high), names, openings, leads, unnamed,
         )  # fmt: skip
 
 

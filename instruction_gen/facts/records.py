@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from ...formats.scene.visibility import SightCamera
 
-FACTS_VERSION = 4
+FACTS_VERSION = 5
 
 
 @dataclass(frozen=True)
@@ -48,6 +48,11 @@ class PassageFact:
         from_room, to_room: canonical names, "" when unknown.
         doorway: through a doorway rather than a wide opening.
         bearing_deg: direction to it from a metre and a half before, left is positive [deg].
+        side: `left` or `right` of who walks up to it, "" straight ahead.
+        ordinal: its place among the doorways on that side, counted from where the room that is
+            left was entered; 0 = straight ahead.
+        alike: how many other openings of the room that is left lead to rooms of the same name.
+        beside: noun of a thing at the opening, the only one of its noun in the room left, "" = none.
     """
 
     along_m: float
@@ -55,6 +60,10 @@ class PassageFact:
     to_room: str
     doorway: bool
     bearing_deg: float
+    side: str = ""
+    ordinal: int = 0
+    alike: int = 0
+    beside: str = ""
 
 
 @dataclass(frozen=True)
@@ -66,6 +75,8 @@ class VisitFact:
         from_m, to_m: distances along the path [m].
         exits: by how many openings the room can be left; 0 = unknown.
         beyond: names of the rooms behind its openings, one for each, "" when unknown.
+        twins: how many other rooms of the level have its name.
+        thing: noun of a thing that stands in it and in none of its twins, "" = none.
     """
 
     room: str
@@ -73,6 +84,42 @@ class VisitFact:
     to_m: float
     exits: int = 0
     beyond: tuple[str, ...] = ()
+    twins: int = 0
+    thing: str = ""
+
+
+@dataclass(frozen=True)
+class SightFact:
+    """A thing in view from a place.
+
+    Attributes:
+        name: of the object in the scene.
+        noun: what to call it.
+        distance_m: to its nearest edge [m].
+        bearing_deg: to its middle from the heading, left is positive [deg].
+    """
+
+    name: str
+    noun: str
+    distance_m: float
+    bearing_deg: float
+
+
+@dataclass(frozen=True)
+class ViewFact:
+    """What may be seen where a walker decides.
+
+    Attributes:
+        point: `start`, `turn`, `door` or `goal`.
+        along_m: distance along the path of the start, turn, door or goal [m].
+        from_m: where the walker looks from, half a metre before a turn or door [m].
+        things: in open view, all around at the start, ahead and beside elsewhere, nearest first.
+    """
+
+    point: str
+    along_m: float
+    from_m: float
+    things: tuple[SightFact, ...]
 
 
 @dataclass(frozen=True)
@@ -120,6 +167,8 @@ class LandmarkFact:
         occluded: fraction of it that is covered in that image.
         size_m: the larger of breadth and height [m].
         moments: every quarter of a metre, where it is within eight metres.
+        leads: of a doorway, the names of the rooms that meet in it.
+        beside: object of another noun that stands right beside it, "" = none.
     """
 
     name: str
@@ -142,6 +191,8 @@ class LandmarkFact:
     occluded: float
     size_m: float
     moments: tuple[Moment, ...] = field(repr=False)
+    leads: tuple[str, ...] = ()
+    beside: str = ""
 
     @property
     def unique(self) -> bool:
@@ -166,6 +217,8 @@ class PathFacts:
         level_rooms: canonical names of all rooms on the level.
         start_rooms, goal_rooms: other rooms on whose threshold the path starts or stops.
         goal_near_rooms: other rooms that lie openly close to the goal.
+        room_ahead: the room that one comes into who walks straight on at the goal, "" = none.
+        views: what may be seen at start, turns, doors and goal, in order.
         camera: which looked; None where facts come from the map alone.
         facts_version: of this record.
     """
@@ -184,6 +237,8 @@ class PathFacts:
     start_rooms: tuple[str, ...] = ()
     goal_rooms: tuple[str, ...] = ()
     goal_near_rooms: tuple[str, ...] = ()
+    room_ahead: str = ""
+    views: tuple[ViewFact, ...] = ()
     camera: SightCamera | None = None
     facts_version: int = FACTS_VERSION
 

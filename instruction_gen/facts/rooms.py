@@ -64,6 +64,17 @@ def room_names(
     return tuple(names)
 
 
+def nouns_inside(
+    regions: RegionMap, nouns: Sequence[str], low_m: Array, high_m: Array
+) -> tuple[frozenset[str], ...]:
+    """Return for each region the nouns of the boxes (N, 2) [m] whose middle is in it."""
+    inside: list[set[str]] = [set() for _ in regions.names]
+    for noun, region in zip(nouns, regions.at(0.5 * (low_m + high_m)).tolist(), strict=True):
+        if region >= 0:
+            inside[region].add(noun)
+    return tuple(frozenset(nouns) for nouns in inside)
+
+
 def rooms_of_boxes(
     regions: RegionMap, names: Sequence[str], low_m: Array, high_m: Array
 ) -> tuple[str, ...]:

@@ -307,3 +307,13 @@ def test_facts_follow_their_published_schema(two_rooms):
     }
     record = json.loads(json.dumps(asdict(facts_of(LEFT, two_rooms))))
     jsonschema.validate(record, published)
+
+
+@pytest.mark.parametrize(("behind_m", "room"), [(-0.25, "kitchen"), (0.2, "living room")])
+@pytest.mark.parametrize("reverse", [False, True])
+def test_the_room_of_an_end_follows_the_door_frame(two_rooms, behind_m, room, reverse):
+    """The frame of the door is at x = 4 m."""
+    points = [(1.0, 2.0), (4.0 + behind_m, 2.0)]
+    facts = facts_of(points[::-1] if reverse else points, two_rooms)
+    assert facts.visits[0 if reverse else -1].room == room
+    assert len(facts.visits) == (1 if room == "kitchen" else 2)
