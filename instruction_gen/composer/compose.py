@@ -7,11 +7,24 @@ import numpy as np
 
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
-from .realize import realize
-from .steps import plan
+from ..language.claims import Step
+from .realize import Usage, realize
+from .records import TASTES, VOICES, Event, Taste
+from .steps import (
+    Names,
+    ambiguous,
+    bent,
+    move_events,
+    passed_events,
+    start_events,
+    with_distances,
+)
+from .stop import stop_events
 
-STYLES = ("natural", "terse", "rich")
-ATTEMPTS = 24
+STYLES = VOICES
+DRAFTS = 24  # written for each text, the best is taken
+WORDS = {"terse": (6, 11), "natural": (22, 29), "rich": (37, 55)}
+_MOST_CHECKED = 16
 
 
 @dataclass(frozen=True)
@@ -20,13 +33,15 @@ class Composed:
 
     Attributes:
         style: one of `STYLES`.
-        skeletons: its sentences, with slots for rooms, things, sides and numbers.
+        steps: its sentences with what they claim.
+        skeletons: the kinds of events of the text.
         landmarks: names of the things it speaks of, in order.
-        attempts: how many drafts it took.
+        attempts: how many drafts were checked.
     """
 
     text: str
     style: str
+    steps: tuple[Step, ...]
     skeletons: tuple[str, ...]
     landmarks: tuple[str, ...]
     attempts: int
@@ -38,49 +53,88 @@ def compose_texts(
     styles: Sequence[str],
     rng: np.random.Generator,
     taken: Collection[str] = (),
+    usage: Usage | None = None,
 ) -> tuple[list[Composed], list[str]]:
     """Write `count` different texts in turn in the given styles.
 
     Args:
         styles: of `STYLES`.
         taken: texts that other paths have already.
+        usage: what was written for other paths; the texts repeat little of it.
 
     Returns:
-        The texts that pass their check, as many as could be had, and, where that is none, the
-        problems of the last draft.
+        The texts that pass their check, as many as could be had, and, where that is none, why.
     """
+    usage = Usage() if usage is None else usage
+    if reason := ambiguous(ground.facts):
+        return [], [reason]
     result: list[Composed] = []
     problems: list[str] = []
     for number in range(count):
-        style, facts = styles[number % len(styles)], ground.facts
-        refused: set[str] = set()
-        for attempt in range(1, ATTEMPTS + 1):
-            # A path with few landmarks yields little text: any style will do then. And where things
-            # are numbered otherwise than the checker counts them, they are left unsaid.
-            if attempt > ATTEMPTS // 2:
-                style = STYLES[attempt % len(STYLES)]
-                facts = _unnamed(facts, refused)
-            steps = plan(facts, style, rng)
-            text, skeletons = realize(steps, rng, style)
-            if text in taken or any(_alike(text, other.text) for other in result):
+        style = styles[number % len(styles)]
+        drafts = [_draft(ground.facts, style, rng, usage, result) for _ in range(DRAFTS)]
+        drafts.sort(key=lambda d: d[0])
+        for attempt, (_, one) in enumerate(drafts[:_MOST_CHECKED], start=1):
+            if one.text in taken or any(one.text == other.text for other in result):
                 continue
-            verdict = check_text(text, ground)
-            marks = [r.name for s in steps for r in (s.mark, s.other) if r is not None]
+            verdict = check_text(one.text, ground, one.steps)
             if verdict.ok:
-                result.append(Composed(text, style, tuple(skeletons), tuple(marks), attempt))
+                result.append(replace(one, attempts=attempt))
+                usage.add(one.text)
                 break
             problems = list(verdict.problems)
-            refused.update(marks)
     return result, ([] if result else problems)
 
 
-def _unnamed(facts: PathFacts, names: Collection[str]) -> PathFacts:
-    """Return the facts with some things, by name, that no text speaks of."""
-    marks = (replace(m, nameable=False) if m.name in names else m for m in facts.landmarks)
-    return replace(facts, landmarks=tuple(marks))
+def plan(
+    facts: PathFacts,
+    taste: Taste,
+    rng: np.random.Generator,
+    without: Collection[str] = (),
+) -> list[Event]:
+    """Choose what to mention, in order, the stop last."""
+    names = Names(facts, rng, taste.looks, without)
+    stop = stop_events(facts, names, taste)
+    events = move_events(facts, names, taste)
+    start = start_events(facts, names, taste)
+    events += passed_events(events, facts, names, taste)
+    events.sort(key=lambda e: e.along_m)
+    events = with_distances(events, stop[0], facts, names)
+    if not events:
+        events = [Event("walk", 0.0, far_m=facts.length_m)]
+    if stop[0].kind == "stop_after":
+        rest = facts.length_m - events[-1].along_m
+        if events[-1].kind == "walk":
+            rest = events[-1].far_m if len(events) > 1 else facts.length_m
+            events = events[:-1]
+        stop[0] = replace(stop[0], far_m=rest)
+    return bent([*start, *events, *stop], facts)
 
 
-def _alike(text: str, other: str) -> bool:
-    """Return whether two texts are nearly the same words in the same order."""
-    a, b = text.lower().split(), other.lower().split()
-    return a == b or a[:5] == b[:5]
+def _draft(
+    facts: PathFacts,
+    style: str,
+    rng: np.random.Generator,
+    usage: Usage,
+    others: Sequence[Composed],
+) -> tuple[float, Composed]:
+    """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
+    taste = TASTES[style]
+    spread = float(rng.uniform(0.5, 1.3))
+    taste = replace(
+        taste,
+        marks=taste.marks * spread,
+        passed=int(rng.integers(taste.passed + 1)) if taste.passed else 0,
+    )
+    events = plan(facts, taste, rng)
+    steps = realize(events, style, rng, usage)
+    text = " ".join(step.words for step in steps)
+    marks = tuple(r.name for e in events for r in (e.X, e.Y) if r is not None)
+    kinds = tuple(e.kind for e in events)
+    low, high = WORDS[style]
+    words = len(text.split())
+    outside = max(low - words, words - high, 0) / high
+    shared = sum(mark in other.landmarks for mark in marks for other in others)
+    same = sum(kind in other.skeletons for kind in kinds for other in others) / max(1, len(kinds))
+    score = usage.repetition(text) + 3.0 * outside + 0.15 * shared + 0.3 * same
+    return score, Composed(text, style, steps, kinds, marks, 0)

@@ -1,67 +1,67 @@
-"""What the composer mentions of a path, and how much of it a style mentions."""
+"""What the composer mentions of a path."""
 
 from dataclasses import dataclass
 
 from .refer import Reference
 
+VOICES = ("natural", "terse", "rich")
+
 
 @dataclass(frozen=True)
-class Step:
-    """One thing to mention.
+class Event:
+    """One thing to mention; its one-letter fields are the slots of `grammar.txt`.
 
     Attributes:
-        kind: `turn`, `leave`, `enter`, `turn_enter`, `enter_turn`, `pass`, `toward`, `between`,
-            `follow`, `ahead`, `walk`, `stop`.
+        kind: a rule of `grammar.txt`.
         along_m: where [m].
-        side: of a turn, or of the thing passed.
-        degrees: of a turn, unsigned.
-        room: entered or followed; "" = unknown.
-        from_room: left.
-        doorway: through a doorway.
-        other: a second thing (`between`).
+        A: room that is left, "" = not mentioned.
+        B, C: rooms that are entered, or C another one.
+        X, Y: things.
+        s, t: sides.
         far_m: how far to walk [m].
-        bent: the way that this step tells has a bend of its own.
-        place: how to stop: `front`, `beside`, `near`, `between`, `inside`, `outside`, `past`,
-            `after`.
-        covers: Turns that this step describes, as indices into the facts' turns.
+        ordinal: of a doorway on its side.
+        bent: the way that is told has a bend of its own.
     """
 
     kind: str
     along_m: float
-    side: str = ""
-    degrees: float = 0.0
-    room: str = ""
-    from_room: str = ""
-    doorway: bool = False
-    mark: Reference | None = None
-    other: Reference | None = None
+    A: str = ""
+    B: str = ""
+    C: str = ""
+    X: Reference | None = None
+    Y: Reference | None = None
+    s: str = ""
+    t: str = ""
     far_m: float = 0.0
+    ordinal: int = 0
     bent: bool = False
-    place: str = ""
-    covers: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class Taste:
-    """How much a style mentions.
+    """How much a draft mentions.
 
     Attributes:
-        gap_m: a stretch longer than this gets a thing that is passed.
-        mark_turns: how often a turn is tied to a thing, 0 … 1.
-        sides: how often the side of a passed thing is mentioned.
-        colours: how often a known colour is mentioned.
-        most: things passed at most.
+        voice: one of `VOICES`.
+        marks: how often a decision is tied to a thing, 0 … 1.
+        start: how often the text says where the way starts.
+        passed: things passed at most.
+        gap_m: a stretch longer than this gets a thing that is passed [m].
+        looks: how often a known colour or material is mentioned.
+        more: how often the stop is told by a second thing, the room, or what lies beyond.
     """
 
+    voice: str
+    marks: float
+    start: float
+    passed: int
     gap_m: float
-    mark_turns: float
-    sides: float
-    colours: float
-    most: int
+    looks: float
+    more: float
 
 
 TASTES = {
-    "terse": Taste(4.5, 0.2, 0.3, 0.1, 1),
-    "natural": Taste(3.0, 0.35, 0.5, 0.25, 1),
-    "rich": Taste(2.0, 0.6, 0.7, 0.5, 2),
+    "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0),
+    "natural": Taste("natural", 0.5, 0.35, 1, 3.0, 0.3, 0.25),
+    "rich": Taste("rich", 0.9, 0.85, 3, 1.6, 0.6, 0.8),
 }

@@ -1,18 +1,18 @@
 """How to call a thing so that it is clear which one is meant."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 
-import numpy as np
-
-from ..facts.records import LandmarkFact, PathFacts, TurnFact
-from ..language.nouns import answers, spoken
+from ..facts.landmarks import PLAIN
+from ..facts.records import LandmarkFact, Moment, PathFacts
+from ..language.nouns import answers, called, spoken
 
 PASS_M = 2.0
 STOP_M = 1.9
 _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
-_ORDINALS = {2: "second", 3: "third"}
+_SEEN_PIXELS = 40
 _SMALL = frozenset("dumbbell vase bin trash can pouf stool basket box towel rail".split())
 
 
@@ -23,6 +23,7 @@ class Reference:
     Attributes:
         name: of the object in the scene.
         noun: of the lexicon.
+        phrase: what it is called, in the singular.
         words: with article: `the blue sofa`, `the chairs`.
         plural: several are meant.
         along_m: where it is nearest to the path [m].
@@ -30,10 +31,12 @@ class Reference:
         side: `left`, `right` or "".
         bearing_deg: from the final heading [deg].
         salience: how well it steers.
+        colour, material: that are mentioned, "" = none.
     """
 
     name: str
     noun: str
+    phrase: str
     words: str
     plural: bool
     along_m: float
@@ -41,106 +44,138 @@ class Reference:
     side: str
     bearing_deg: float
     salience: float
+    colour: str = ""
+    material: str = ""
 
 
-def passing_candidates(
-    facts: PathFacts, low_m: float, high_m: float, rng: np.random.Generator, colours: float
-) -> list[Reference]:
-    """Return the things passed between two places of the path [m], best first."""
-    found = []
-    for mark in facts.landmarks:
-        beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
-        # What one sees through a door is not passed.
-        room = next((v.room for v in facts.visits if mark.along_m <= v.to_m), "")
-        here = not mark.room or mark.room == room
-        if not (mark.nameable and beside and here and came_by(mark)):
-            continue
-        reference = _refer(mark, facts, rng, colours, mark.distance_m, mark.side)
-        if reference is not None:
-            found.append(reference)
-    return _best(found, rng)
-
-
-def stop_candidates(facts: PathFacts, rng: np.random.Generator, colours: float) -> list[Reference]:
-    """Return the things at the goal that the camera shows there, best first.
-
-    Without a camera they are those not behind the walker.
-    """
-    found = []
-    for mark in facts.landmarks:
-        at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
-        if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
-            continue
-        if facts.camera is not None and not _in_view_at_goal(mark, facts.length_m):
-            continue
-        reference = _refer(mark, facts, rng, colours, mark.goal_distance_m, "", at_goal=True)
-        if reference is not None:
-            found.append(reference)
-    return _best(found, rng)
-
-
-def turn_marker(
-    facts: PathFacts, turn: TurnFact, named: set[str], rng: np.random.Generator, colours: float
-) -> Reference | None:
-    """Return a reference to a thing at a turn, to say where the turn is."""
-    found = []
-    for mark in facts.landmarks:
-        if not mark.nameable or mark.name in named or mark.count > 1:
-            continue
-        near = [m for m in mark.moments if abs(m.along_m - turn.along_m) <= 0.3 and m.open]
-        if not near or min(m.distance_m for m in near) > _TURN_M:
-            continue
-        # It must have been ahead before the turn, or it would be no landmark for the turn.
-        if not any(m.along_m < turn.along_m and abs(m.bearing_deg) < 75.0 for m in mark.moments):
-            continue
-        distance = min(m.distance_m for m in near)
-        reference = _refer(mark, facts, rng, colours, distance, mark.side)
-        if reference is not None:
-            found.append(reference)
-    best = _best(found, rng)
-    return best[0] if best else None
-
-
-def _refer(
+def refer(
     mark: LandmarkFact,
     facts: PathFacts,
-    rng: np.random.Generator,
-    colours: float,
     distance_m: float,
-    side: str,
+    phrase: str,
+    look: str = "",
+    *,
     at_goal: bool = False,
 ) -> Reference | None:
+    """Return a reference to a thing, None where it would be unclear which one is meant.
+
+    Args:
+        phrase: what to call it, if nothing else near the path may be called so.
+        look: its colour or material, if that is to be mentioned.
+    """
+    other = [m for m in facts.landmarks if m.noun != mark.noun]
+    if any(called(m.noun, phrase) for m in other):
+        phrase = mark.noun
     alike = [
         m for m in facts.landmarks
         if m.name != mark.name and mark.noun in answers(m.noun) and _noticed(m)
     ]  # fmt: skip
-    adjective = ""
-    looks = [word for word in (mark.colour, mark.material) if word]
-    if looks and rng.random() < colours:
-        adjective = looks[int(rng.integers(len(looks)))] + " "
     plural = False
-    words = f"the {adjective}{spoken(mark.noun)}"
+    adjective = f"{look} " if look else ""
+    words = f"the {adjective}{spoken(phrase)}"
     if alike:
         together = [
             m for m in alike
             if m.noun == mark.noun and (_at_hand(m, mark) if at_goal else _in_row(m, mark))
         ]  # fmt: skip
-        same_room = [m for m in alike if m.room == mark.room]
-        # Counted within its room, not over the whole path.
-        rank = 1 + sum(m.along_m < mark.along_m for m in same_room)
         if together:
-            plural, adjective = True, ""
-            words = f"the {spoken(mark.noun, plural=True)}"
-        elif same_room and rank in _ORDINALS and not at_goal and len(same_room) <= 2:
-            words = f"the {_ORDINALS[rank]} {spoken(mark.noun)}"
-        elif same_room or not mark.room:
+            plural, look = True, ""
+            words = f"the {spoken(phrase, plural=True)}"
+        elif not mark.room or any(m.room == mark.room for m in alike):
             return None
     size = mark.size_m * (0.5 if mark.noun in _SMALL else 1.0)
     salience = size / (0.6 + distance_m) / (1.0 + 0.8 * len(alike)) * (1.0 - 0.6 * mark.occluded)
     return Reference(
-        mark.name, mark.noun, words, plural, mark.along_m, distance_m, side,
-        mark.goal_bearing_deg, salience,
+        mark.name, mark.noun, spoken(phrase).lower(), words, plural, mark.along_m, distance_m,
+        mark.side, mark.goal_bearing_deg, salience,
+        mark.colour if look == mark.colour else "", mark.material if look == mark.material else "",
     )  # fmt: skip
+
+
+# which things ---------------------------------------------------------------------------------
+
+
+def at_turn(mark: LandmarkFact, along_m: float) -> float | None:
+    """Return how far a thing stands from a turn that it may announce [m], else None."""
+    near = [m.distance_m for m in mark.moments if abs(m.along_m - along_m) <= 0.3 and m.open]
+    if not (mark.nameable and near and min(near) <= _TURN_M) or mark.count > 1:
+        return None
+    # It must have been ahead before the turn, or it would be no landmark for the turn.
+    ahead = any(m.along_m < along_m and abs(m.bearing_deg) < 75.0 for m in mark.moments)
+    return min(near) if ahead else None
+
+
+def in_view(mark: LandmarkFact, along_m: float, within_deg: float, reach_m: float) -> float | None:
+    """Return how far a thing is that is in view ahead at a place of the path [m], else None."""
+    m = moment_at(mark, along_m)
+    seen = m is not None and mark.nameable and (m.open or m.pixels >= _SEEN_PIXELS)
+    if (
+        m is None
+        or not seen
+        or abs(m.facing_deg) > within_deg
+        or not 0.6 <= m.distance_m <= reach_m
+    ):
+        return None
+    return m.distance_m
+
+
+def moment_at(mark: LandmarkFact, along_m: float) -> Moment | None:
+    """Return where a thing is at a place of the path, None where it is out of reach."""
+    best = min(mark.moments, key=lambda m: abs(m.along_m - along_m), default=None)
+    return best if best is not None and abs(best.along_m - along_m) <= 0.2 else None
+
+
+def at_start(mark: LandmarkFact) -> tuple[str, float] | None:
+    """Return `facing`, `behind` or `beside_start` and how far a thing is at the start [m]."""
+    m = moment_at(mark, 0.0)
+    if m is None or not m.open or (not mark.nameable and (mark.noun in PLAIN or mark.size_m < 0.8)):
+        return None
+    off = abs(m.facing_deg)
+    for kind, low, high, reach_m in (
+        ("facing", 0.0, 25.0, 5.0), ("beside_start", 50.0, 115.0, 2.0), ("behind", 148.0, 181.0, 3.0),
+    ):  # fmt: skip
+        if low <= off <= high and m.distance_m <= reach_m and (mark.nameable or kind == "behind"):
+            return kind, m.distance_m
+    return None
+
+
+def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) -> bool:
+    """Return whether a thing is passed between two places of the path [m]."""
+    beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
+    # What one sees through a door is not passed.
+    room = next((v.room for v in facts.visits if mark.along_m <= v.to_m), "")
+    here = not mark.room or mark.room == room
+    return bool(mark.nameable and beside and here and came_by(mark))
+
+
+def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
+    """Return whether a thing is at the goal and not behind; the camera, if any, shows it there."""
+    at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
+    if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
+        return False
+    return facts.camera is None or any(
+        m.pixels >= _PIXELS_AT_GOAL and m.along_m >= facts.length_m - _LAST_LOOK_M
+        for m in mark.moments
+    )
+
+
+def came_by(mark: LandmarkFact) -> bool:
+    """Return whether a thing is clearly beside the walker somewhere close by.
+
+    What only lies behind at the start is not.
+    """
+    return any(
+        m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
+        for m in mark.moments
+    )
+
+
+def landmark(facts: PathFacts, name: str, without: Collection[str] = ()) -> LandmarkFact | None:
+    """Return the nameable landmark of a name, None where there is none or it is left out."""
+    return next(
+        (m for m in facts.landmarks if m.name == name and m.nameable and m.name not in without),
+        None,
+    )
 
 
 def _in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:
@@ -157,25 +192,3 @@ def _at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
 
 def _noticed(mark: LandmarkFact) -> bool:
     return mark.distance_m <= 3.5 and (mark.max_pixels > 60 or mark.first_seen_m < 0)
-
-
-def _in_view_at_goal(mark: LandmarkFact, length_m: float) -> bool:
-    return any(
-        m.pixels >= _PIXELS_AT_GOAL and m.along_m >= length_m - _LAST_LOOK_M for m in mark.moments
-    )
-
-
-def came_by(mark: LandmarkFact) -> bool:
-    """Return whether a thing is clearly beside the walker somewhere close by.
-
-    What only lies behind at the start is not.
-    """
-    return any(
-        m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
-        for m in mark.moments
-    )
-
-
-def _best(found: list[Reference], rng: np.random.Generator) -> list[Reference]:
-    noise = {r.name: float(rng.uniform(0.7, 1.3)) for r in found}
-    return sorted(found, key=lambda r: -r.salience * noise[r.name])

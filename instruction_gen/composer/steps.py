@@ -1,60 +1,130 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..facts.records import PathFacts, TurnFact
-from .records import TASTES, Step, Taste
-from .refer import Reference, passing_candidates, turn_marker
-from .stop import entered_room, stop_step
+from ..facts.doors import DOOR
+from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from .grammar import name_of
+from .records import Event, Taste
+from .refer import (
+    Reference,
+    at_start,
+    at_turn,
+    in_view,
+    landmark,
+    passed,
+    refer,
+)
 
 TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
 HINT_DEG = 30.0
+_SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
 _WEAVING_M = 2.0
-_LEADS = frozenset(("turn_enter", "enter_turn", "enter", "leave"))  # into another room
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
-_ROUND_DEG = 140.0
 _FAR_AHEAD_M = 2.5
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
+_ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
-def plan(facts: PathFacts, style: str, rng: np.random.Generator) -> list[Step]:
-    """Choose what to mention, in order, the stop last."""
-    taste = TASTES[style]
-    stop = stop_step(facts, rng, taste)
-    named = {mark.name for mark in (stop.mark, stop.other) if mark}
-    steps = _moves(facts, rng, taste, named)
-    steps = _passed(steps, stop, facts, rng, taste, named)
-    steps = _distances(steps, stop, facts)
-    first = steps[0] if steps else None
-    if style != "terse" and first is not None and first.along_m > _FAR_AHEAD_M:
-        # Turning is the first thing mentioned, but not the first thing done.
-        turns = first.kind in ("turn_enter", "turn") and first.mark is None and not first.from_room
-        steps = [Step("ahead", 0.0), *steps] if turns else steps
-    if not steps:
-        steps = [Step("walk", 0.0, far_m=facts.length_m)]
-    if stop.place == "after":
-        rest = facts.length_m - steps[-1].along_m
-        if steps[-1].kind == "walk":
-            steps, rest = steps[:-1], steps[-1].far_m
-            if not steps:
-                rest = facts.length_m
-        stop = replace(stop, far_m=rest)
-    return _bent([*steps, stop], facts)
+@dataclass(frozen=True)
+class Move:
+    """A turn, a step into another room, or both in one.
+
+    Attributes:
+        along_m: where it begins [m].
+        turn, passage: of the facts.
+        turn_first: the turn leads into the room.
+    """
+
+    along_m: float
+    turn: TurnFact | None = None
+    passage: PassageFact | None = None
+    turn_first: bool = False
+
+
+class Names:
+    """What things and rooms are called in one text, and which were mentioned already."""
+
+    def __init__(
+        self, facts: PathFacts, rng: np.random.Generator, looks: float, without: Collection[str]
+    ):
+        """Start without a name; things in `without` are never mentioned."""
+        self.facts, self.rng, self.looks, self.without = facts, rng, looks, without
+        self.rooms: dict[str, str] = {}
+        self.names: set[str] = set()
+        self.nouns: set[str] = set()
+
+    def room(self, name: str) -> str:
+        """Return what a room is called throughout the text."""
+        if name not in self.rooms:
+            self.rooms[name] = name_of(name, self.rng) if name else ""
+        return self.rooms[name]
+
+    def entered(self, passage: PassageFact) -> str:
+        """Return the room entered, told from one of the same kind that is left."""
+        room = self.room(passage.to_room)
+        if not room or passage.to_room != passage.from_room:
+            return room
+        return f"{'next' if passage.to_room == 'hallway' else 'other'} {room}"
+
+    def best(
+        self, near: Callable[[LandmarkFact], float | None], *, at_goal: bool = False
+    ) -> Reference | None:
+        """Return a reference to one of the best things that were not mentioned yet.
+
+        Args:
+            near: how far a thing is [m], None if it will not do.
+        """
+        options = []
+        for mark in self.facts.landmarks:
+            if mark.noun in self.nouns or mark.name in self.without or mark.noun == DOOR:
+                continue
+            if (distance_m := near(mark)) is not None:
+                reference = self.refer(mark, distance_m, at_goal=at_goal)
+                if reference is not None:
+                    options.append((-reference.salience * self.rng.uniform(0.5, 1.5), reference))
+        return self.mention(min(options, key=lambda o: o[0])[1]) if options else None
+
+    def refer(
+        self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
+    ) -> Reference | None:
+        """Return a reference with a name and perhaps a colour or material."""
+        looks = [word for word in (mark.colour, mark.material) if word]
+        look = ""
+        if looks and self.rng.random() < self.looks:
+            look = looks[int(self.rng.integers(len(looks)))]
+        phrase = name_of(mark.noun, self.rng)
+        return refer(mark, self.facts, distance_m, phrase, look, at_goal=at_goal)
+
+    def mention(self, reference: Reference) -> Reference:
+        """Remember a thing."""
+        self.names.add(reference.name)
+        self.nouns.add(reference.noun)
+        return reference
+
+    def beside(self, reference: Reference) -> Reference | None:
+        """Return the thing that stands right beside another, if it can be named."""
+        mark = next((m for m in self.facts.landmarks if m.name == reference.name), None)
+        other = landmark(self.facts, mark.beside, self.without) if mark else None
+        if reference.plural or other is None or other.noun in self.nouns:
+            return None
+        result = self.refer(other, other.distance_m)
+        return None if result is None or result.plural else self.mention(result)
 
 
 # moves ------------------------------------------------------------------------------------------
 
 
-def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
+def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
     """Return the turns worth mentioning; small ones that undo each other are weaving."""
     result = []
-    for k, turn in enumerate(facts.turns):
+    for turn in facts.turns:
         size = abs(turn.angle_deg)
         if facts.length_m - turn.along_m < 0.7:
             continue
@@ -72,7 +142,7 @@ def mentioned_turns(facts: PathFacts) -> list[tuple[int, TurnFact]]:
         )
         clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
         if clear or (small and lonely and turn.along_m > 1.0):
-            result.append((k, turn))
+            result.append(turn)
     return result
 
 
@@ -87,149 +157,282 @@ def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
     ]
 
 
-def _moves(facts: PathFacts, rng: np.random.Generator, taste: Taste, named: set[str]) -> list[Step]:
-    steps: list[Step] = []
+def moves(facts: PathFacts) -> list[Move]:
+    """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
+    result: list[Move] = []
     passages = list(facts.passages)
     turns = mentioned_turns(facts)
-    for n, (k, turn) in enumerate(turns):
+    for n, turn in enumerate(turns):
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
         if n + 1 < len(turns):  # the doorway belongs to the turn that is nearer to it
-            high = min(high, turns[n + 1][1].along_m)
+            high = min(high, turns[n + 1].along_m)
         after = next((p for p in passages if low <= p.along_m <= high), None)
-        size = abs(turn.angle_deg)
-        if after is not None and turn.along_m > 0.4 and size < 125:
-            passages.remove(after)
-            first = after is facts.passages[0] and after.along_m < 4.0
-            step = Step(
-                "turn_enter", min(turn.along_m, after.along_m), turn.side, size,
-                entered_room(after), after.from_room if first else "", after.doorway, covers=(k,),
-            )  # fmt: skip
-            steps.append(step)
-            continue
         before = next(
             (p for p in passages if 0 < turn.along_m - p.along_m <= _TURN_AFTER_DOOR_M), None
         )
-        if before is not None:
+        if after is not None and turn.along_m > 0.4 and abs(turn.angle_deg) < _SHARP_DEG:
+            passages.remove(after)
+            result.append(Move(min(turn.along_m, after.along_m), turn, after, turn_first=True))
+        elif before is not None and abs(turn.angle_deg) < _SHARP_DEG:
             passages.remove(before)
-            first = before is facts.passages[0] and before.along_m < 4.0
-            step = Step(
-                "enter_turn", before.along_m, turn.side, size, entered_room(before),
-                before.from_room if first else "", before.doorway, covers=(k,),
-            )  # fmt: skip
-            steps.append(step)
+            result.append(Move(before.along_m, turn, before))
+        else:
+            result.append(Move(turn.along_m, turn))
+    result += [Move(p.along_m, passage=p) for p in passages]
+    return sorted(result, key=lambda m: m.along_m)
+
+
+def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
+    """Return the moves as events, most with a thing where one is visible."""
+    result: list[Event] = []
+    todo = moves(facts)
+    while todo:
+        move, todo = todo[0], todo[1:]
+        after = todo[0] if todo else None
+        pair = _joined(move, after, result)
+        if pair is not None:
+            result.append(pair)
+            todo = todo[1:]
+        elif move.passage is None:
+            result.append(_turn(move, facts, names, taste))
+        else:
+            result.append(_passage(move, move.passage, facts, names, taste))
+    return result
+
+
+def _joined(move: Move, after: Move | None, before: Sequence[Event]) -> Event | None:
+    """Return two turns as one manoeuvre."""
+    if after is None or move.passage or after.passage or not (move.turn and after.turn):
+        return None
+    near = after.along_m - move.along_m <= _ONE_MOVE_M
+    sizes = (abs(move.turn.angle_deg), abs(after.turn.angle_deg))
+    if not near or min(sizes) < CLEAR_DEG or max(sizes) > _SHARP_DEG:
+        return None
+    kind = "twice" if move.turn.side == after.turn.side else "jog"
+    return Event(kind, move.along_m, s=move.turn.side, t=after.turn.side)
+
+
+def _turn(move: Move, facts: PathFacts, names: Names, taste: Taste) -> Event:
+    turn = move.turn
+    assert turn is not None
+    size, along = abs(turn.angle_deg), turn.along_m
+    if size >= _ROUND_DEG:
+        return Event("around", along)
+    if size < _SLIGHT_DEG or size > _SHARP_DEG:
+        return Event("slight" if size < _SLIGHT_DEG else "sharp", along, s=turn.side)
+    if names.rng.random() < taste.marks:
+        options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
+            ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
+            ("turn_to", lambda m: in_view(m, along + 0.75, 35.0, 5.0)),
+            ("cue", lambda m: in_view(m, along - 1.0, 30.0, 3.2) if along > 1.2 else None),
+        ]
+        names.rng.shuffle(options)
+        for kind, near in options:
+            if mark := names.best(near):
+                return Event(kind, along, X=mark, s=turn.side)
+    return Event("turn", along, s=turn.side)
+
+
+def _passage(
+    move: Move, passage: PassageFact, facts: PathFacts, names: Names, taste: Taste
+) -> Event:
+    turn, along, rng = move.turn, move.along_m, names.rng
+    side = turn.side if turn else ""
+    first = passage is facts.passages[0] and along < 4.0
+    room = names.entered(passage)
+    event = Event("enter", along, A=names.room(passage.from_room), B=room, s=side)
+    slight = turn is not None and abs(turn.angle_deg) < _SLIGHT_DEG
+    if not room:
+        kind = "leave_turn" if side and not move.turn_first else "leave_only"
+        kind = "turn" if side and move.turn_first else kind
+        return replace(event, kind=kind if event.A or kind == "turn" else "enter")
+    marked = rng.random() < taste.marks
+    within = [m for m in (0.3, 0.8) if passage.along_m + m < facts.length_m]
+
+    def inside(mark: LandmarkFact) -> float | None:
+        if mark.room != passage.to_room:
+            return None
+        seen = (in_view(mark, passage.along_m + m, 75.0, 5.0) for m in within)
+        return next((far for far in seen if far is not None), None)
+
+    if turn is not None and move.turn_first:
+        if passage.alike:  # another doorway leads to such a room, too
+            return replace(event, kind="turn_enter_nth", s=passage.side, ordinal=passage.ordinal)
+        if slight:
+            return replace(event, kind="slight_enter")
+        if marked and rng.random() < 0.5:
+            near = names.best(lambda m: at_turn(m, turn.along_m) if along > 0.8 else None)
+            if near:
+                return replace(event, kind="turn_enter_at", X=near)
+        if marked and (mark := names.best(inside)):
+            return replace(event, kind="turn_enter_see", X=mark)
+        kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * passage.doorway * 2
+        kinds += ["leave_turn_enter"] * 3 if first and event.A else []
+        return replace(event, kind=str(rng.choice(kinds)))
+    if turn is not None:
+        if slight or (first and event.A and rng.random() < 0.3):
+            kind = "leave_turn" if event.A and not slight else "enter"
+            return replace(event, kind=kind)
+        ahead = names.best(lambda m: in_view(m, turn.along_m + 0.75, 35.0, 5.0)) if marked else None
+        return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)
+    door = next((m for m in facts.landmarks if m.noun == passage.beside and m.nameable), None)
+    if marked and door and passage.doorway and door.noun not in names.nouns:
+        mark = names.refer(door, door.distance_m)
+        if mark is not None and not mark.plural:
+            return replace(event, kind="enter_beside", X=names.mention(mark))
+    if marked and (mark := names.best(inside)):
+        return replace(event, kind="enter_see", X=mark)
+    kinds = ["leave"] * 3 if first and event.A else ["enter"]
+    if passage.doorway:
+        kinds += ["leave_door"] if first and event.A else ["enter_door"]
+    return replace(event, kind=str(rng.choice(kinds)))
+
+
+def ambiguous(facts: PathFacts) -> str:
+    """Return why no text can say which doorway is meant, "" where every one can be told."""
+    for passage in facts.passages:
+        if passage.alike and not (passage.side or passage.beside):
+            return (
+                f"{passage.alike + 1} openings of the {passage.from_room or 'room'} lead to a "
+                f"{passage.to_room} and nothing tells them apart"
+            )
+    return ""
+
+
+# the start and what is passed -----------------------------------------------------------------
+
+
+def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
+    """Return an event that says where the way starts, or none."""
+    looks_away = bool(facts.turns) and facts.turns[0].along_m < 0.3
+    if names.rng.random() >= taste.start:
+        return []
+    room = "" if facts.start_rooms else names.room(facts.visits[0].room)
+    kinds: dict[str, str] = {}
+
+    def near(mark: LandmarkFact) -> float | None:
+        found = None if looks_away else at_start(mark)
+        if found is not None:
+            kinds[mark.name] = found[0]
+        return found[1] if found else None
+
+    mark = names.best(near)
+    if mark is None:
+        return [Event("home", 0.0, A=room)] if room else []
+    kind = kinds[mark.name]
+    side = mark.side if kind == "beside_start" else ""
+    if kind == "beside_start" and not side:
+        return []
+    if room and kind != "beside_start" and names.rng.random() < 0.5:
+        kind = f"home_{kind}"
+    return [Event(kind, 0.0, A=room, X=mark, s=side)]
+
+
+def passed_events(
+    events: Sequence[Event], facts: PathFacts, names: Names, taste: Taste
+) -> list[Event]:
+    """Return events of things passed on the longest stretches between others."""
+    edges = [0.0, *(_end(e) for e in events)]
+    starts = [*(e.along_m for e in events), facts.length_m]
+    result: list[Event] = []
+    for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
+        if high - low < taste.gap_m or len(result) >= taste.passed:
             continue
-        mark = None
-        if turn.along_m > 0.8 and size < _ROUND_DEG and rng.random() < taste.mark_turns:
-            mark = turn_marker(facts, turn, named, rng, taste.colours)
-        if mark is not None:
-            named.add(mark.name)
-        steps.append(Step("turn", turn.along_m, turn.side, size, mark=mark, covers=(k,)))
-    for passage in passages:
-        first = passage is facts.passages[0] and passage.along_m < 4.0
-        kind = "leave" if first and passage.from_room else "enter"
-        steps.append(
-            Step(
-                kind,
-                passage.along_m,
-                room=entered_room(passage),
-                from_room=passage.from_room,
-                doorway=passage.doorway,
+        mark = names.best(
+            lambda m, low=low, high=high: (
+                m.distance_m if passed(m, facts, low + 0.5, high - 0.6) else None
             )
         )
-    return sorted(steps, key=lambda s: s.along_m)
-
-
-# things passed ----------------------------------------------------------------------------------
-
-
-def _passed(
-    steps: list[Step],
-    stop: Step,
-    facts: PathFacts,
-    rng: np.random.Generator,
-    taste: Taste,
-    named: set[str],
-) -> list[Step]:
-    result = list(steps)
-    kinds = {m.noun for s in (*steps, stop) for m in (s.mark, s.other) if m}
-    edges = [0.0, *(_end(s) for s in steps), facts.length_m]
-    starts = [*(s.along_m for s in steps), facts.length_m]
-    stretches = sorted(zip(edges, starts, strict=False), key=lambda pair: pair[0] - pair[1])
-    used = 0
-    for low, high in stretches:
-        if high - low < taste.gap_m or used >= taste.most:
+        if mark is None:
+            result += _passed_door(facts, names, low + 0.7, high - 0.7)
             continue
-        options = [
-            ref
-            for ref in passing_candidates(facts, low + 0.5, high - 0.6, rng, taste.colours)
-            if ref.name not in named and ref.noun not in kinds
-        ]
-        if not options:
-            continue
-        mark = options[0]
-        pair = _opposite(mark, options)
-        named.add(mark.name)
-        kinds.add(mark.noun)
-        used += 1
-        if pair is not None and rng.random() < 0.6:
-            named.add(pair.name)
-            kinds.add(pair.noun)
-            result.append(Step("between", mark.along_m, mark=mark, other=pair))
-            continue
-        side = mark.side if rng.random() < taste.sides else ""
-        result.append(Step("pass", mark.along_m, side=side, mark=mark))
-    return sorted(result, key=lambda s: s.along_m)
+        event = Event("pass", mark.along_m, X=mark, s=mark.side)
+        across = (
+            names.best(
+                lambda m, mark=mark: (
+                    m.distance_m
+                    if {m.side, mark.side} == {"left", "right"}
+                    and abs(m.along_m - mark.along_m) <= 0.8
+                    and passed(m, facts, mark.along_m - 0.9, mark.along_m + 0.9)
+                    else None
+                )
+            )
+            if names.rng.random() < 0.5
+            else None
+        )
+        beside = names.beside(mark) if across is None and names.rng.random() < 0.35 else None
+        if across is not None:
+            event = replace(event, kind="between", Y=across)
+        elif beside is not None:
+            event = replace(event, kind="pass_near", Y=beside)
+        elif names.rng.random() < 0.7:
+            event = replace(event, kind="pass_side")
+        result.append(event)
+    return result
 
 
-def _end(step: Step) -> float:
-    return step.along_m + (1.2 if step.kind in ("enter_turn", "turn_enter") else 0.2)
+def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) -> list[Event]:
+    """Return a doorway that is passed, if only one of the room leads where it leads."""
+    entered = {v.room for v in facts.visits}
+    for mark in facts.landmarks:
+        visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
+        others = [room for room in mark.leads if room not in entered]
+        here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
+        if mark.noun == DOOR and here and len(others) == 1 and visit.room in mark.leads:
+            if visit.beyond.count(others[0]) == 1 and mark.name not in names.names:
+                names.names.add(mark.name)
+                room = names.room(others[0])
+                return [Event("pass_door", mark.along_m, C=room, s=mark.side)]
+    return []
 
 
-def _opposite(mark: Reference, options: Sequence[Reference]) -> Reference | None:
-    for other in options[1:]:
-        facing = {mark.side, other.side} == {"left", "right"}
-        if facing and abs(other.along_m - mark.along_m) <= 0.8 and other.noun != mark.noun:
-            return other
-    return None
+PASS_DOOR_M = 1.8
+
+
+def _end(event: Event) -> float:
+    two = event.kind.startswith(("enter_turn", "turn_enter", "jog", "twice", "leave_turn"))
+    return event.along_m + (1.2 if two else 0.2)
 
 
 # distances ---------------------------------------------------------------------------------------
 
+_PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
 
-def _distances(steps: list[Step], stop: Step, facts: PathFacts) -> list[Step]:
+
+def with_distances(
+    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names
+) -> list[Event]:
     """Say how far to walk before a turn that nothing announces, or which room to follow."""
-    result: list[Step] = []
+    result: list[Event] = []
     before = 0.0
-    for step in steps:
-        gap = step.along_m - before
-        unmarked = step.mark is None and (
-            step.kind == "turn" or (step.kind in _LEADS and not step.room)
-        )
+    for event in events:
+        gap = event.along_m - before
+        bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
         room = _room_at(facts, before + 0.5 * gap)
-        beside = step.kind in ("pass", "between", "follow")
-        if room == "hallway" and gap > (2.0 if unmarked else _LONG_M) and not beside:
-            result.append(Step("follow", before + 0.2, room=room))
-        if unmarked and gap > 1.8:
-            result.append(Step("walk", before, far_m=gap))
-        result.append(step)
-        before = max(before, _end(step) - 0.2)
+        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
+        if room == "hallway" and gap > (2.0 if bare else _LONG_M) and not beside:
+            result.append(Event("follow", before + 0.2, B=names.room(room)))
+        if bare and gap > 1.8:
+            result.append(Event("walk", before, far_m=gap))
+        result.append(event)
+        before = max(before, _end(event) - 0.2)
     hall = facts.visits[-1]
     if hall.room == "hallway" and stop.along_m - max(before, hall.from_m) > _LONG_M:
-        result.append(Step("follow", before + 0.2, room=hall.room))
+        result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
     return result
 
 
-def _bent(steps: Sequence[Step], facts: PathFacts) -> list[Step]:
-    """Mark the steps that tell a way with a bend, which nobody would call straight."""
+def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
+    """Mark the events that tell a way with a bend, which nobody would call straight."""
     result = []
-    for step, following in zip(steps, [*steps[1:], None], strict=True):
-        low, high = step.along_m, step.along_m + step.far_m
-        if step.kind == "stop":
-            low, high = facts.length_m - step.far_m, facts.length_m
-        elif step.kind == "ahead" and following is not None:
+    for event, following in zip(events, [*events[1:], None], strict=True):
+        low, high = event.along_m, event.along_m + event.far_m
+        if event.kind.startswith("stop"):
+            low, high = facts.length_m - event.far_m, facts.length_m
+        elif event.kind == "ahead" and following is not None:
             high = following.along_m
         within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
-        result.append(replace(step, bent=any(within)))
+        result.append(replace(event, bent=any(within)))
     return result
 
 

@@ -1,50 +1,89 @@
 """Choose how to say where a path stops."""
 
+from collections.abc import Sequence
+from dataclasses import replace
+
 import numpy as np
 
 from ..facts.doors import DOOR
-from ..facts.records import PassageFact, PathFacts
-from .records import Step, Taste
-from .refer import Reference, passing_candidates, stop_candidates
+from ..facts.records import PathFacts
+from .records import Event, Taste
+from .refer import Reference, at_goal, passed
+from .steps import Names
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M = 2.5
 _IN_DOORWAY_M = 0.5
+_BESIDE_M = 1.1
 
 
-def stop_step(facts: PathFacts, rng: np.random.Generator, taste: Taste) -> Step:
-    """Return the step that says where to stop."""
-    length = facts.length_m
+def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
+    """Return the stop, and perhaps what shows that one went too far."""
+    stop = _stop(facts, names, taste)
+    visited = {v.room for v in facts.visits}
+    beyond = facts.room_ahead
+    last = [stop]
+    if beyond and beyond not in visited and beyond not in facts.goal_rooms and not stop.C:
+        if names.rng.random() < taste.more:
+            last.append(Event("too_far", facts.length_m, C=names.room(beyond)))
+    return last
+
+
+def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
+    length, visits = facts.length_m, facts.visits
     if _stops_in_doorway(facts):
         # What is ahead lies in the next room, which the path does not enter.
-        return Step("stop", length, place="outside", room=facts.goal_rooms[0])
-    options = stop_candidates(facts, rng, taste.colours)
-    if options:
-        mark = options[0] if len(options) == 1 or rng.random() < 0.75 else options[1]
-        other = next((o for o in options if _faces(mark, o)), None)
-        if other is not None and rng.random() < 0.5:
-            return Step(
-                "stop", length, mark=mark, other=other, place="between", room=facts.goal_room
-            )
-        ahead = abs(mark.bearing_deg) < 32.0
-        beside = "beside" if mark.distance_m <= 1.1 else "near"
-        place = "front" if ahead else beside
-        side = ""
-        if 40.0 < abs(mark.bearing_deg) < 140.0 and rng.random() < 0.4 * taste.sides + 0.1:
-            side = "left" if mark.bearing_deg > 0 else "right"
-        return Step("stop", length, side=side, mark=mark, place=place, room=facts.goal_room)
-    visits = facts.visits
+        return Event("stop_outside", length, B=names.room(facts.goal_rooms[0]))
+    mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
+    if mark is not None:
+        return _at(mark, facts, names, taste)
     since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
-    if since_door_m <= _JUST_INSIDE_M:
-        return Step("stop", length, place="inside", room=entered_room(facts.passages[-1]))
+    if since_door_m <= _JUST_INSIDE_M and facts.passages[-1].to_room:
+        return Event("stop_inside", length, B=names.entered(facts.passages[-1]))
     if since_door_m <= _STEPS_INSIDE_M:
-        return Step("stop", length, place="after", far_m=1.0)
-    if len(facts.goal_near_rooms) == 1 and facts.goal_near_rooms[0] not in (v.room for v in visits):
-        return Step("stop", length, place="outside", room=facts.goal_near_rooms[0])
-    passed = passing_candidates(facts, length - _PAST_M, length - 0.4, rng, taste.colours)
-    if passed:
-        return Step("stop", length, mark=passed[0], place="past", room=facts.goal_room)
-    return Step("stop", length, place="after", far_m=1.0)
+        return Event("stop_after", length, far_m=1.0)
+    near = facts.goal_near_rooms
+    if len(near) == 1 and near[0] not in (v.room for v in visits):
+        return Event("stop_outside", length, B=names.room(near[0]))
+    past = names.best(
+        lambda m: m.distance_m if passed(m, facts, length - _PAST_M, length - 0.4) else None
+    )
+    if past is not None:
+        return Event("stop_past", length, X=past)
+    return Event("stop_after", length, far_m=1.0)
+
+
+def _at(mark: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
+    """Return the stop at a thing, and what more is said of its place."""
+    ahead = abs(mark.bearing_deg) < 32.0
+    kind = "stop_beside" if mark.distance_m <= _BESIDE_M else "stop_close"
+    event = Event("stop_front" if ahead else kind, facts.length_m, X=mark)
+    across = names.best(
+        lambda m: m.goal_distance_m if at_goal(m, facts) and _faces(mark, m.goal_bearing_deg)
+        else None,
+        at_goal=True,
+    )  # fmt: skip
+    if across is not None and names.rng.random() < 0.5:
+        return replace(event, kind="stop_between", Y=across)
+    side = "left" if mark.bearing_deg > 0 else "right"
+    options: list[Event] = []
+    if 40.0 < abs(mark.bearing_deg) < 140.0:
+        options.append(replace(event, kind="stop_side", s=side))
+    if names.rng.random() < taste.more:
+        if not ahead and (beside := names.beside(mark)):
+            options.append(replace(event, kind="stop_near", Y=beside))
+        if across is not None:
+            other = "right" if side == "left" else "left"
+            options.append(replace(event, kind="stop_with", Y=across, s=other))
+        room = facts.goal_room
+        if room and not facts.goal_rooms and not ahead:
+            options.append(replace(event, kind="stop_in", B=names.room(room)))
+    return _either(event, options, names.rng)
+
+
+def _either(event: Event, options: Sequence[Event], rng: np.random.Generator) -> Event:
+    every = [event, *options]
+    return every[int(rng.integers(len(every)))]
 
 
 def _stops_in_doorway(facts: PathFacts) -> bool:
@@ -58,14 +97,7 @@ def _stops_in_doorway(facts: PathFacts) -> bool:
     )
 
 
-def _faces(mark: Reference, other: Reference) -> bool:
+def _faces(mark: Reference, bearing_deg: float) -> bool:
     """Return whether two things lie on either side of the stop."""
-    sides = sorted((mark.bearing_deg, other.bearing_deg))
-    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0 and mark.noun != other.noun
-
-
-def entered_room(passage: PassageFact) -> str:
-    """Return the room entered, told from one of the same kind that is left."""
-    if not passage.to_room or passage.to_room != passage.from_room:
-        return passage.to_room
-    return f"{'next' if passage.to_room == 'hallway' else 'other'} {passage.to_room}"
+    sides = sorted((mark.bearing_deg, bearing_deg))
+    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0

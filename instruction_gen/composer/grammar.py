@@ -1,0 +1,175 @@
+"""The phrases of `grammar.txt`, and the words and claims that one makes of an event."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.resources import files
+
+import numpy as np
+
+from ..language.claims import DEGREES, PLACES, SIDES, Claim
+from ..language.words import NUMBERS, ORDINALS
+from .records import Event
+from .refer import Reference
+
+_CHOICE = re.compile(r"\[([^\]]*)\]")
+_SLOT = re.compile(r"\{(\w+)\}")
+_VOICES = {"t": "terse", "n": "natural", "r": "rich"}
+_NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
+_ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
+# A way with a bend is not straight.
+_STRAIGHT = frozenset("straight forward".split())
+_AGREES = {"is": ("is", "are"), "it": ("it", "them"), "stands": ("stands", "stand"),
+           "comes": ("comes", "come")}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Phrase:
+    """A way to say an event.
+
+    Attributes:
+        template: with slots and choices.
+        joint: how it is joined, see `grammar.txt`; "" = with a joint word.
+        voices: that use it.
+        claims: each as its words in `grammar.txt`.
+    """
+
+    template: str
+    joint: str
+    voices: frozenset[str]
+    claims: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Clause:
+    """Words with what they claim.
+
+    Attributes:
+        kind: of the event.
+        joint: see `Phrase`.
+    """
+
+    kind: str
+    words: str
+    joint: str
+    claims: tuple[Claim, ...]
+
+
+@dataclass(frozen=True)
+class Grammar:
+    """All phrases, by kind of event, and the names by which things and rooms are called."""
+
+    rules: Mapping[str, tuple[Phrase, ...]]
+    called: Mapping[str, tuple[str, ...]]
+
+
+@cache
+def grammar() -> Grammar:
+    """Return what `grammar.txt` says."""
+    text = (files(__package__) / "grammar.txt").read_text(encoding="utf-8")
+    rules: dict[str, list[Phrase]] = {}
+    called: dict[str, tuple[str, ...]] = {}
+    part, kind, claims = "", "", ()
+    for line in text.splitlines():
+        if not line.strip() or line.startswith("#"):
+            continue
+        if line.startswith("%"):
+            part = line[1:]
+        elif part == "called":
+            noun, _, names = line.partition(": ")
+            called[noun] = tuple(names.split(", "))
+        elif " = " in f"{line} ":
+            kind, _, spec = (w.strip() for w in f"{line} ".partition(" = "))
+            claims = tuple(tuple(claim.split()) for claim in spec.split(";") if claim.strip())
+        else:
+            voices, _, phrase = line.partition(" ")
+            joint, _, rest = phrase.strip().partition(" ")
+            joint, rest = (joint, rest) if joint in ("^", "&", "<", ".") else ("", phrase.strip())
+            voice = frozenset(_VOICES[v] for v in voices)
+            rules.setdefault(kind, []).append(Phrase(rest, joint, voice, claims))
+    return Grammar({k: tuple(v) for k, v in rules.items()}, called)
+
+
+def name_of(noun: str, rng: np.random.Generator) -> str:
+    """Return a name for a thing or room in the lexicon."""
+    names = grammar().called.get(noun, (noun,))
+    return names[int(rng.integers(len(names)))]
+
+
+def drafts(
+    event: Event, voice: str, rng: np.random.Generator, count: int, after: str = ""
+) -> list[Clause]:
+    """Return some ways to say an event.
+
+    Args:
+        after: the joint of the clause before, "start" at the start.
+    """
+    options = [
+        p for p in grammar().rules[event.kind]
+        if voice in p.voices and not (p.joint == "&" and after in ("start", "^", "&", "."))
+        and not (p.joint == "^" and after == "^")
+    ]  # fmt: skip
+    result = []
+    for _ in range(count):
+        phrase = options[int(rng.integers(len(options)))]
+        words = _CHOICE.sub(lambda m: str(rng.choice(m[1].split("|"))), phrase.template)
+        if event.bent and _STRAIGHT & set(words.split()):
+            continue
+        filled = re.sub(r"\s+", " ", _SLOT.sub(lambda m: _slot(m[1], event), words)).strip()
+        claims = tuple(_claim(form, event) for form in phrase.claims)
+        result.append(Clause(event.kind, filled, phrase.joint, claims))
+    return result or drafts(replace(event, bent=False), voice, rng, count, after)
+
+
+def _slot(slot: str, event: Event) -> str:
+    value = getattr(event, slot, None)
+    if slot in _AGREES:
+        plural = event.X is not None and event.X.plural
+        return _AGREES[slot][plural]
+    if slot == "n":
+        return metres(event.far_m)
+    if slot == "o":
+        return _ORDINAL[event.ordinal]
+    if isinstance(value, Reference):
+        return value.words
+    if not value and slot in "ABC":
+        return "the next room"
+    return f"the {value}" if slot in "ABC" else str(value)
+
+
+def metres(distance_m: float) -> str:
+    """Return about how far, in words: `four metres`."""
+    whole = max(1, round(distance_m))
+    return f"{_NUMBER.get(whole, str(whole))} metre" + ("" if whole == 1 else "s")
+
+
+def _claim(form: Sequence[str], event: Event) -> Claim:
+    """Return a claim from its words in `grammar.txt`, with the event's slots."""
+    kind, *rest = form
+    claim = Claim(kind)
+    if kind == "door" or "door" in rest:
+        claim = replace(claim, kind=kind, what="door")
+    for word in rest:
+        value = getattr(event, word, None)
+        if isinstance(value, Reference):
+            claim = replace(
+                claim, what="thing", name=value.phrase, colour=value.colour, material=value.material
+            )
+        elif word in "ABC":
+            room = str(value or "").removeprefix("other ").removeprefix("next ")
+            door = claim.what == "door"
+            claim = replace(claim, room=room) if door else replace(claim, what="room", name=room)
+        elif word in ("s", "t"):
+            claim = replace(claim, side=str(value))
+        elif word == "o":
+            claim = replace(claim, ordinal=event.ordinal)
+        elif word == "n":
+            claim = replace(claim, metres=float(max(1, round(event.far_m))))
+        elif word in SIDES:
+            claim = replace(claim, side=word)
+        elif word in PLACES:
+            claim = replace(claim, place=word)
+        elif word in DEGREES:
+            claim = replace(claim, degree=word)
+    return claim
