@@ -17,7 +17,7 @@ from ..formats.scene.bundle import load_bundle
 from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
 from .checker import Ground
-from .composer import compose_texts
+from .composer import Usage, compose_texts
 from .facts import LevelFacts, path_facts
 from .facts.named import Named
 from .facts.records import PathFacts
@@ -217,14 +217,16 @@ def composer_writer(
 ) -> Writer:
     """Return the composer as a writer; it avoids texts in `taken` and counts skeletons."""
     counts = {} if skeletons is None else skeletons
+    usage = Usage()
 
     def write(ground: Ground, rng: np.random.Generator) -> Written:
-        composed, problems = compose_texts(ground, config.count, config.styles, rng, taken)
+        composed, problems = compose_texts(ground, config.count, config.styles, rng, taken, usage)
         for one in composed:
             for skeleton in one.skeletons:
                 counts[skeleton] = counts.get(skeleton, 0) + 1
         texts = [
-            WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts) for c in composed
+            WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts, steps=c.steps)
+            for c in composed
         ]
         return texts, problems
 

@@ -23,7 +23,7 @@ from .stop import stop_events
 
 STYLES = VOICES
 DRAFTS = 24  # written for each text, the best is taken
-WORDS = {"terse": (6, 11), "natural": (22, 29), "rich": (37, 55)}
+WORDS = {"terse": (6, 10), "natural": (22, 29), "rich": (37, 55)}
 _MOST_CHECKED = 16
 
 
@@ -95,11 +95,11 @@ def plan(
     """Choose what to mention, in order, the stop last."""
     names = Names(facts, rng, taste.looks, without)
     stop = stop_events(facts, names, taste)
-    events = move_events(facts, names, taste)
     start = start_events(facts, names, taste)
+    events = move_events(facts, names, taste)
     events += passed_events(events, facts, names, taste)
     events.sort(key=lambda e: e.along_m)
-    events = with_distances(events, stop[0], facts, names)
+    events = with_distances(events, stop[0], facts, names, taste)
     if not events:
         events = [Event("walk", 0.0, far_m=facts.length_m)]
     if stop[0].kind == "stop_after":
@@ -136,5 +136,5 @@ def _draft(
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for other in others)
     same = sum(kind in other.skeletons for kind in kinds for other in others) / max(1, len(kinds))
-    score = usage.repetition(text) + 3.0 * outside + 0.15 * shared + 0.3 * same
+    score = usage.repetition(text) + 5.0 * outside + 0.15 * shared + 0.3 * same
     return score, Composed(text, style, steps, kinds, marks, 0)

@@ -18,10 +18,11 @@ _SLOT = re.compile(r"\{(\w+)\}")
 _VOICES = {"t": "terse", "n": "natural", "r": "rich"}
 _NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
+# One walks into a room, but not "in" where there is a hallway.
+_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip)")
 # A way with a bend is not straight.
-_STRAIGHT = frozenset("straight forward".split())
-_AGREES = {"is": ("is", "are"), "it": ("it", "them"), "stands": ("stands", "stand"),
-           "comes": ("comes", "come")}  # fmt: skip
+_STRAIGHT = frozenset(("straight", "forward"))
+_AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -105,21 +106,27 @@ def drafts(
     Args:
         after: the joint of the clause before, "start" at the start.
     """
-    options = [
-        p for p in grammar().rules[event.kind]
-        if voice in p.voices and not (p.joint == "&" and after in ("start", "^", "&", "."))
-        and not (p.joint == "^" and after == "^")
-    ]  # fmt: skip
-    result = []
+    rule = grammar().rules[event.kind]
+    lone = ("&",) if after in ("start", "^", "&", ".") else ()
+    barred = ("&", "^", "<", ".") if after == "^" else lone
+    fit = [p for p in rule if p.joint not in barred]
+    options = [p for p in fit if voice in p.voices] or fit
+    fine: list[Clause] = []
+    odd: list[Clause] = []
     for _ in range(count):
         phrase = options[int(rng.integers(len(options)))]
         words = _CHOICE.sub(lambda m: str(rng.choice(m[1].split("|"))), phrase.template)
-        if event.bent and _STRAIGHT & set(words.split()):
-            continue
         filled = re.sub(r"\s+", " ", _SLOT.sub(lambda m: _slot(m[1], event), words)).strip()
         claims = tuple(_claim(form, event) for form in phrase.claims)
-        result.append(Clause(event.kind, filled, phrase.joint, claims))
-    return result or drafts(replace(event, bent=False), voice, rng, count, after)
+        into_hall = _INSIDE.search(words) and _is_hall(event.B)
+        straight = event.bent and _STRAIGHT & set(words.split())
+        clause = Clause(event.kind, filled, phrase.joint, claims)
+        (odd if into_hall or straight else fine).append(clause)
+    return fine or odd
+
+
+def _is_hall(room: str) -> bool:
+    return room.removeprefix("next ") in grammar().called["hallway"]
 
 
 def _slot(slot: str, event: Event) -> str:
@@ -133,9 +140,9 @@ def _slot(slot: str, event: Event) -> str:
         return _ORDINAL[event.ordinal]
     if isinstance(value, Reference):
         return value.words
-    if not value and slot in "ABC":
-        return "the next room"
-    return f"the {value}" if slot in "ABC" else str(value)
+    if slot not in "ABC":
+        return str(value)
+    return str(value) if str(value).startswith("another") else f"the {value or 'next room'}"
 
 
 def metres(distance_m: float) -> str:
@@ -157,7 +164,8 @@ def _claim(form: Sequence[str], event: Event) -> Claim:
                 claim, what="thing", name=value.phrase, colour=value.colour, material=value.material
             )
         elif word in "ABC":
-            room = str(value or "").removeprefix("other ").removeprefix("next ")
+            room = str(value or "").removeprefix("another ").removeprefix("other ")
+            room = room.removeprefix("next ")
             door = claim.what == "door"
             claim = replace(claim, room=room) if door else replace(claim, what="room", name=room)
         elif word in ("s", "t"):

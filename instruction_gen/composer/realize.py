@@ -11,8 +11,8 @@ from ..language.claims import Claim, Step
 from .grammar import Clause, drafts
 from .records import Event
 
-_CHOICES = 5  # ways to say an event, of which the least used is taken
-_OPENERS = ("Then", "Next,", "From there,", "After that,", "Now", "Once there,", "Continuing on,")
+_CHOICES = 8  # ways to say an event, of which the least used is taken
+_OPENERS = ("Then", "Next,", "From there,", "After that,", "Now", "Following that,", "Finally,")
 _OPENED, _MOST_OPENED = 0.3, 2
 _JOINTS = {
     "terse": (", ", ", then ", " and "),
@@ -20,8 +20,9 @@ _JOINTS = {
     "rich": (" and ", ", then ", ", and after that ", ", and then "),
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
+_STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
-_LEADING = frozenset(("walk", "follow", "ahead"))
+_LEADING = frozenset(("walk", "follow"))
 
 
 class Usage:
@@ -77,9 +78,7 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
     for k, clause in enumerate(clauses):
         now, leading = done[-1], k > 0 and clauses[k - 1].kind in _LEADING
         before = clauses[k - 1].joint if k else ""
-        if before == "^":
-            now.words += f", {clause.words}"
-        elif clause.joint == "&":
+        if before == "^" or clause.joint == "&":
             now.words += f", {clause.words}"
         elif not now.words:
             now.words = clause.words
@@ -89,9 +88,11 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
             now.words += _joint(now, clause, voice, rng) + clause.words
         else:
             words = clause.words
+            moved = not now.words.lower().startswith(_STANDING) and "then" not in now.words.split()
             plain = clause.joint == "" and "then" not in words.split() and voice != "terse"
-            if plain and opened < _MOST_OPENED and rng.random() < _OPENED:
-                words = f"{_OPENERS[int(rng.integers(len(_OPENERS)))]} {words}"
+            if plain and moved and opened < _MOST_OPENED and rng.random() < _OPENED:
+                last = len(_OPENERS) - (k + 1 < len(clauses))
+                words = f"{_OPENERS[int(rng.integers(last))]} {words}"
                 opened += 1
             now = _Sentence(words)
             done.append(now)
@@ -116,6 +117,8 @@ def _continues(
 def _joint(now: _Sentence, clause: Clause, voice: str, rng: np.random.Generator) -> str:
     """Return what joins a clause; no "leave the hall and turn left and stop"."""
     if " and " in now.words or " and " in clause.words or "," in now.words:
+        if voice == "terse":
+            return ", "
         return ", then " if " then " not in now.words else ", and "
     joints = _JOINTS[voice]
     return joints[int(rng.integers(len(joints)))]

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from ..facts.landmarks import PLAIN
 from ..facts.records import LandmarkFact, Moment, PathFacts
+from ..language.lexicon import OBJECT_PHRASES
 from ..language.nouns import answers, called, spoken
 
 PASS_M = 2.0
@@ -13,6 +14,7 @@ _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
+_STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 _SMALL = frozenset("dumbbell vase bin trash can pouf stool basket box towel rail".split())
 
 
@@ -64,8 +66,10 @@ def refer(
         look: its colour or material, if that is to be mentioned.
     """
     other = [m for m in facts.landmarks if m.noun != mark.noun]
-    if any(called(m.noun, phrase) for m in other):
+    if any(called(m.noun, phrase.lower()) for m in other):
         phrase = mark.noun
+    if phrase.lower() not in OBJECT_PHRASES:  # a compound: "conference table"
+        phrase = phrase.split()[-1]
     alike = [
         m for m in facts.landmarks
         if m.name != mark.name and mark.noun in answers(m.noun) and _noticed(m)
@@ -128,13 +132,17 @@ def moment_at(mark: LandmarkFact, along_m: float) -> Moment | None:
 def at_start(mark: LandmarkFact) -> tuple[str, float] | None:
     """Return `facing`, `behind` or `beside_start` and how far a thing is at the start [m]."""
     m = moment_at(mark, 0.0)
-    if m is None or not m.open or (not mark.nameable and (mark.noun in PLAIN or mark.size_m < 0.8)):
+    steers = mark.nameable or mark.noun == "window" or mark.noun not in PLAIN
+    if m is None or not (m.open and steers and mark.size_m >= _STARTS_AT_M):
         return None
     off = abs(m.facing_deg)
     for kind, low, high, reach_m in (
-        ("facing", 0.0, 25.0, 5.0), ("beside_start", 50.0, 115.0, 2.0), ("behind", 148.0, 181.0, 3.0),
+        ("facing", 0.0, 25.0, 5.0),
+        ("beside_start", 50.0, 115.0, 2.0),
+        ("behind", 148.0, 181.0, 3.0),
     ):  # fmt: skip
-        if low <= off <= high and m.distance_m <= reach_m and (mark.nameable or kind == "behind"):
+        named = mark.nameable or kind == "behind" or mark.noun == "window"
+        if low <= off <= high and m.distance_m <= reach_m and named:
             return kind, m.distance_m
     return None
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -58,6 +59,7 @@ class Names:
         self.facts, self.rng, self.looks, self.without = facts, rng, looks, without
         self.rooms: dict[str, str] = {}
         self.names: set[str] = set()
+        self.homed = False  # whether the text says in which room it starts
         self.nouns: set[str] = set()
 
     def room(self, name: str) -> str:
@@ -69,9 +71,13 @@ class Names:
     def entered(self, passage: PassageFact) -> str:
         """Return the room entered, told from one of the same kind that is left."""
         room = self.room(passage.to_room)
-        if not room or passage.to_room != passage.from_room:
+        before = [v for v in self.facts.visits if v.from_m < passage.along_m - 0.1]
+        if not room or passage.to_room not in [v.room for v in before]:
             return room
-        return f"{'next' if passage.to_room == 'hallway' else 'other'} {room}"
+        twins = max(v.twins for v in before if v.room == passage.to_room)
+        if passage.to_room == "hallway":
+            return f"next {room}"
+        return f"other {room}" if twins == 1 else f"another {room}"
 
     def best(
         self, near: Callable[[LandmarkFact], float | None], *, at_goal: bool = False
@@ -95,7 +101,7 @@ class Names:
         self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
     ) -> Reference | None:
         """Return a reference with a name and perhaps a colour or material."""
-        looks = [word for word in (mark.colour, mark.material) if word]
+        looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
         look = ""
         if looks and self.rng.random() < self.looks:
             look = looks[int(self.rng.integers(len(looks)))]
@@ -116,6 +122,19 @@ class Names:
             return None
         result = self.refer(other, other.distance_m)
         return None if result is None or result.plural else self.mention(result)
+
+
+_BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
+_TALL = frozenset(("wardrobe", "bookshelf"))
+_LARGE_M = 1.7
+
+
+def _size(mark: LandmarkFact) -> str:
+    """Return an adjective for a thing of clearly more than the usual size."""
+    head = mark.noun.split()[-1]
+    if head in _TALL and mark.size_m >= _LARGE_M:
+        return "tall"
+    return "large" if head in _BIG and mark.size_m >= _LARGE_M else ""
 
 
 # moves ------------------------------------------------------------------------------------------
@@ -160,7 +179,8 @@ def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
 def moves(facts: PathFacts) -> list[Move]:
     """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
     result: list[Move] = []
-    passages = list(facts.passages)
+    # One hallway that widens is one room to who walks through it.
+    passages = [p for p in facts.passages if p.doorway or p.from_room != p.to_room]
     turns = mentioned_turns(facts)
     for n, turn in enumerate(turns):
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
@@ -186,10 +206,14 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     """Return the moves as events, most with a thing where one is visible."""
     result: list[Event] = []
     todo = moves(facts)
+    if taste.voice == "terse":
+        todo = [_brief(m, after, facts, names.rng) for m, after in pairwise([*todo, None]) if m]
     while todo:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
         pair = _joined(move, after, result)
+        if pair is None and taste.voice == "terse":
+            pair = _through(move, after, names)
         if pair is not None:
             result.append(pair)
             todo = todo[1:]
@@ -198,6 +222,32 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
         else:
             result.append(_passage(move, move.passage, facts, names, taste))
     return result
+
+
+def _unique(passage: PassageFact, facts: PathFacts) -> bool:
+    """Return whether the name of the room entered says where to go."""
+    into = next(v for v in facts.visits if v.from_m >= passage.along_m - 0.1)
+    return bool(passage.to_room) and passage.to_room != "hallway" and not into.twins
+
+
+def _brief(move: Move, after: Move | None, facts: PathFacts, rng: np.random.Generator) -> Move:
+    """Return a move without the turn, where the name of the next room is enough."""
+    target = move if move.turn_first or move.turn is None else after
+    known = target is not None and target.passage and _unique(target.passage, facts)
+    near = target is not None and target.along_m - move.along_m < 4.0
+    if move.passage and move.turn and known and near and rng.random() < 0.7:
+        return Move(move.along_m, passage=move.passage)
+    return move
+
+
+def _through(move: Move, after: Move | None, names: Names) -> Event | None:
+    """Return two steps into rooms, without a turn, as one."""
+    if after is None or move.turn or after.turn or not (move.passage and after.passage):
+        return None
+    rooms = names.entered(move.passage), names.entered(after.passage)
+    if not all(rooms) or names.rng.random() < 0.3:
+        return None
+    return Event("onward", move.along_m, B=rooms[0], C=rooms[1])
 
 
 def _joined(move: Move, after: Move | None, before: Sequence[Event]) -> Event | None:
@@ -240,7 +290,8 @@ def _passage(
     side = turn.side if turn else ""
     first = passage is facts.passages[0] and along < 4.0
     room = names.entered(passage)
-    event = Event("enter", along, A=names.room(passage.from_room), B=room, s=side)
+    left = "" if first and names.homed else names.room(passage.from_room)
+    event = Event("enter", along, A=left, B=room, s=side)
     slight = turn is not None and abs(turn.angle_deg) < _SLIGHT_DEG
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
@@ -276,12 +327,16 @@ def _passage(
         ahead = names.best(lambda m: in_view(m, turn.along_m + 0.75, 35.0, 5.0)) if marked else None
         return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)
     door = next((m for m in facts.landmarks if m.noun == passage.beside and m.nameable), None)
+    marked = marked or passage.alike > 0
     if marked and door and passage.doorway and door.noun not in names.nouns:
         mark = names.refer(door, door.distance_m)
         if mark is not None and not mark.plural:
             return replace(event, kind="enter_beside", X=names.mention(mark))
     if marked and (mark := names.best(inside)):
         return replace(event, kind="enter_see", X=mark)
+    if passage.alike:
+        kind = "enter_nth" if passage.side and passage.doorway else "enter_ahead"
+        return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
     kinds = ["leave"] * 3 if first and event.A else ["enter"]
     if passage.doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
@@ -291,10 +346,10 @@ def _passage(
 def ambiguous(facts: PathFacts) -> str:
     """Return why no text can say which doorway is meant, "" where every one can be told."""
     for passage in facts.passages:
-        if passage.alike and not (passage.side or passage.beside):
+        if passage.alike and passage.side and not (passage.doorway or passage.beside):
             return (
                 f"{passage.alike + 1} openings of the {passage.from_room or 'room'} lead to a "
-                f"{passage.to_room} and nothing tells them apart"
+                f"{passage.to_room}, and nothing tells them apart"
             )
     return ""
 
@@ -318,13 +373,14 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
 
     mark = names.best(near)
     if mark is None:
+        names.homed = bool(room)
         return [Event("home", 0.0, A=room)] if room else []
     kind = kinds[mark.name]
     side = mark.side if kind == "beside_start" else ""
     if kind == "beside_start" and not side:
         return []
     if room and kind != "beside_start" and names.rng.random() < 0.5:
-        kind = f"home_{kind}"
+        kind, names.homed = f"home_{kind}", True
     return [Event(kind, 0.0, A=room, X=mark, s=side)]
 
 
@@ -378,11 +434,10 @@ def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) ->
         visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
         others = [room for room in mark.leads if room not in entered]
         here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
-        if mark.noun == DOOR and here and len(others) == 1 and visit.room in mark.leads:
-            if visit.beyond.count(others[0]) == 1 and mark.name not in names.names:
-                names.names.add(mark.name)
-                room = names.room(others[0])
-                return [Event("pass_door", mark.along_m, C=room, s=mark.side)]
+        clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
+        if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
+            names.names.add(mark.name)
+            return [Event("pass_door", mark.along_m, C=names.room(others[0]), s=mark.side)]
     return []
 
 
@@ -400,7 +455,7 @@ _PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
 
 
 def with_distances(
-    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names
+    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names, taste: Taste
 ) -> list[Event]:
     """Say how far to walk before a turn that nothing announces, or which room to follow."""
     result: list[Event] = []
@@ -410,14 +465,24 @@ def with_distances(
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
         room = _room_at(facts, before + 0.5 * gap)
         beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
-        if room == "hallway" and gap > (2.0 if bare else _LONG_M) and not beside:
+        gap = gap if taste.voice != "terse" else gap - _LONG_M
+        if (
+            taste.voice != "terse"
+            and room == "hallway"
+            and gap > (2.0 if bare else _LONG_M)
+            and not beside
+        ):
             result.append(Event("follow", before + 0.2, B=names.room(room)))
         if bare and gap > 1.8:
             result.append(Event("walk", before, far_m=gap))
         result.append(event)
         before = max(before, _end(event) - 0.2)
     hall = facts.visits[-1]
-    if hall.room == "hallway" and stop.along_m - max(before, hall.from_m) > _LONG_M:
+    if (
+        taste.voice != "terse"
+        and hall.room == "hallway"
+        and stop.along_m - max(before, hall.from_m) > _LONG_M
+    ):
         result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
     return result
 
@@ -425,12 +490,10 @@ def with_distances(
 def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
     """Mark the events that tell a way with a bend, which nobody would call straight."""
     result = []
-    for event, following in zip(events, [*events[1:], None], strict=True):
+    for event in events:
         low, high = event.along_m, event.along_m + event.far_m
         if event.kind.startswith("stop"):
             low, high = facts.length_m - event.far_m, facts.length_m
-        elif event.kind == "ahead" and following is not None:
-            high = following.along_m
         within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
         result.append(replace(event, bent=any(within)))
     return result

@@ -23,9 +23,9 @@ def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     visited = {v.room for v in facts.visits}
     beyond = facts.room_ahead
     last = [stop]
-    if beyond and beyond not in visited and beyond not in facts.goal_rooms and not stop.C:
-        if names.rng.random() < taste.more:
-            last.append(Event("too_far", facts.length_m, C=names.room(beyond)))
+    new = beyond and beyond not in visited and beyond not in facts.goal_rooms
+    if new and not stop.B and names.rng.random() < taste.more:
+        last.append(Event("too_far", facts.length_m, C=names.room(beyond)))
     return last
 
 
@@ -39,7 +39,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         return _at(mark, facts, names, taste)
     since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
     if since_door_m <= _JUST_INSIDE_M and facts.passages[-1].to_room:
-        return Event("stop_inside", length, B=names.entered(facts.passages[-1]))
+        return Event("stop_here", length, B=names.entered(facts.passages[-1]))
     if since_door_m <= _STEPS_INSIDE_M:
         return Event("stop_after", length, far_m=1.0)
     near = facts.goal_near_rooms

@@ -52,7 +52,7 @@ class PassageFact:
         ordinal: its place among the doorways on that side, counted from where the room that is
             left was entered; 0 = straight ahead.
         alike: how many other openings of the room that is left lead to rooms of the same name.
-        beside: noun of a thing at the opening, the only one of its noun in the room left, "" = none.
+        beside: noun of a thing at the opening, the only such one in the room left, "" = none.
     """
 
     along_m: float

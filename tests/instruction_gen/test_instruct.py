@@ -1,6 +1,8 @@
 """Instructions: true to the path and the scene, in English, and checked."""
 
+import itertools
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,13 +17,18 @@ from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
-from vlnpe.instruction_gen.composer.compose import STYLES
-from vlnpe.instruction_gen.composer.steps import mentioned_turns, plan
+from vlnpe.instruction_gen.composer.compose import STYLES, plan
+from vlnpe.instruction_gen.composer.grammar import grammar
+from vlnpe.instruction_gen.composer.records import TASTES
+from vlnpe.instruction_gen.composer.steps import mentioned_turns
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.facts.records import TurnFact
 from vlnpe.instruction_gen.instruct import instruct_episodes
+from vlnpe.instruction_gen.language.claims import read_steps
 from vlnpe.instruction_gen.language.nouns import noun_of, spoken
+from vlnpe.instruction_gen.language.phrases import is_known
+from vlnpe.instruction_gen.language.tokens import tokenize
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.instruction_gen.show import show_path
 from vlnpe.trajectory_sampler.config import SampleConfig
@@ -54,11 +61,15 @@ def facts_of(points, bundle, yaw=None):
     return path_facts(episode_of(points, yaw), LevelFacts.of(bundle, 0))
 
 
-def texts_of(points, bundle, seed=0, style="natural", count=1):
+def composed_of(points, bundle, seed=0, style="natural", count=1):
     ground = Ground(facts_of(points, bundle))
     got, problems = compose_texts(ground, count, (style,), np.random.default_rng(seed))
     assert got, problems
-    return [one.text for one in got]
+    return got
+
+
+def texts_of(points, bundle, seed=0, style="natural", count=1):
+    return [one.text for one in composed_of(points, bundle, seed, style, count)]
 
 
 @pytest.mark.parametrize("style", STYLES)
@@ -66,16 +77,19 @@ def texts_of(points, bundle, seed=0, style="natural", count=1):
 def test_composed_texts_are_true_and_well_formed(two_rooms, points, style):
     ground = Ground(facts_of(points, two_rooms))
     for seed in range(4):
-        for text in texts_of(points, two_rooms, seed, style, 2):
-            assert check_text(text, ground).problems == ()
+        for one in composed_of(points, two_rooms, seed, style, 2):
+            text = one.text
+            assert check_text(text, ground, one.steps).problems == ()
+            assert text == " ".join(step.words for step in one.steps)
             assert text[0].isupper() and text.endswith(".") and "  " not in text
 
 
 def test_turn_room_and_goal_are_mentioned(two_rooms):
     for seed in range(8):
-        (text,) = texts_of(LEFT, two_rooms, seed)
-        assert "left" in text and "kitchen" in text and "table" in text.split(".")[-2]
-        assert "sofa" not in text.split(".")[-2]
+        (one,) = composed_of(LEFT, two_rooms, seed)
+        assert "left" in one.text and "kitchen" in one.text
+        stops = [c for step in one.steps for c in step.claims if c.kind == "stop"]
+        assert stops and all("table" in stop.name for stop in stops)
 
 
 def test_sides_are_those_of_the_walker(two_rooms):
@@ -109,7 +123,7 @@ def test_a_start_that_looks_away_begins_with_a_turn(two_rooms):
         assert "around" in got[0].text.split(".")[0].lower()
 
 
-@pytest.mark.parametrize(("beyond", "place"), [(1, "outside"), (2, "front")])
+@pytest.mark.parametrize(("beyond", "place"), [(1, "stop_outside"), (2, "stop_front")])
 def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms, beyond, place):
     """And by a thing ahead, if there are two such rooms."""
     facts = facts_of([(1.0, 2.0), (3.0, 2.0), (3.9, 2.0)], two_rooms)
@@ -120,9 +134,9 @@ def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms, beyond, pl
     rooms = replace(facts.visits[-1], beyond=("living room",) * beyond)
     facts = replace(facts, landmarks=(*doors, near), visits=(*facts.visits[:-1], rooms))
     for seed in range(8):
-        stop = plan(facts, "natural", np.random.default_rng(seed))[-1]
-        assert stop.place == place
-        assert (stop.mark is None) == (place == "outside")
+        events = plan(facts, TASTES["terse"], np.random.default_rng(seed))
+        assert events[-1].kind == place
+        assert (events[-1].X is None) == (place == "stop_outside")
 
 
 @pytest.mark.parametrize(
@@ -139,7 +153,7 @@ def test_a_goal_in_a_doorway_is_told_by_the_room_behind_it(two_rooms, beyond, pl
 def test_a_turn_that_another_undoes_is_told_with_it_or_not_at_all(two_rooms, angles_deg, told):
     turns = tuple(TurnFact(along_m=3.0 + k, angle_deg=angle) for k, angle in enumerate(angles_deg))
     facts = replace(facts_of(EAST, two_rooms), turns=turns, length_m=9.0)
-    assert tuple(k for k, _ in mentioned_turns(facts)) == told
+    assert mentioned_turns(facts) == [turns[k] for k in told]
 
 
 def test_things_that_the_checker_counts_otherwise_are_left_unsaid():
@@ -152,7 +166,7 @@ def test_things_that_the_checker_counts_otherwise_are_left_unsaid():
     for seed in range(3):
         got, problems = compose_texts(ground, 3, STYLES, np.random.default_rng(seed))
         assert len(got) == 3, problems
-        assert all(check_text(one.text, ground).ok for one in got)
+        assert all(check_text(one.text, ground, one.steps).ok for one in got)
 
 
 @given(st.lists(st.sampled_from([-90, -45, 45, 90]), min_size=0, max_size=4), st.floats(-3, 3))
@@ -317,3 +331,64 @@ def test_the_room_of_an_end_follows_the_door_frame(two_rooms, behind_m, room, re
     facts = facts_of(points[::-1] if reverse else points, two_rooms)
     assert facts.visits[0 if reverse else -1].room == room
     assert len(facts.visits) == (1 if room == "kitchen" else 2)
+
+
+def test_every_phrase_uses_words_that_the_checker_knows():
+    slots = {
+        "A": "the kitchen", "B": "the office", "C": "the bedroom", "X": "the sofa",
+        "Y": "the table", "s": "left", "t": "right", "n": "four metres", "o": "second",
+    }  # fmt: skip
+    for kind, phrases in grammar().rules.items():
+        for phrase in phrases:
+            choices = [c.split("|") for c in re.findall(r"\[([^\]]*)\]", phrase.template)]
+            for chosen in itertools.product(*choices):
+                parts = iter(chosen)
+                words = re.sub(r"\[[^\]]*\]", lambda _, parts=parts: next(parts), phrase.template)
+                words = re.sub(r"\{(\w+)\}", lambda m: slots.get(m[1], m[1]), words)
+                unknown = [t.text for t in tokenize(words) if not is_known(t.text)]
+                assert not unknown, (kind, words)
+
+
+def test_texts_of_a_path_speak_of_different_things_and_say_little_twice(two_rooms):
+    ground = Ground(facts_of(EAST, two_rooms))
+    got, _ = compose_texts(ground, 3, STYLES, np.random.default_rng(2))
+    assert [one.style for one in got] == list(STYLES)
+    assert len({one.text.split()[0] for one in got}) > 1
+    words = [len(one.text.split()) for one in got]
+    assert words[1] < words[0] < words[2]
+
+
+def test_claims_are_kept_beside_the_texts(two_rooms):
+    scenes = two_rooms.root.parent
+    if not (scenes / "two_rooms").exists():
+        (scenes / "two_rooms").symlink_to(two_rooms.root)
+    (episode,) = instruct_episodes([episode_of(EAST)], scenes, InstructConfig(), 1).episodes
+    ground = Ground(facts_of(EAST, two_rooms))
+    for record in episode.extra["instruction"]["texts"]:
+        steps = read_steps(json.loads(json.dumps(record["claims"])))
+        assert " ".join(step.words for step in steps) == record["text"]
+        assert check_text(record["text"], ground, steps).ok
+
+
+def test_doorways_of_rooms_of_one_name_are_told_apart(two_rooms):
+    """By their side and place in the row; where nothing does that, no text is written."""
+    facts = facts_of(LEFT, two_rooms)
+    twin = replace(facts.passages[0], alike=1, side="left", ordinal=2, beside="")
+    for seed in range(4):
+        events = plan(
+            replace(facts, passages=(twin,)), TASTES["natural"], np.random.default_rng(seed)
+        )
+        (told,) = [e for e in events if e.ordinal]
+        assert (told.s, told.ordinal) == ("left", 2)
+    unclear = replace(facts, passages=(replace(twin, doorway=False),))
+    got, problems = compose_texts(Ground(unclear), 3, STYLES, np.random.default_rng(0))
+    assert got == [] and "nothing tells them apart" in problems[0]
+
+
+def test_what_is_in_view_is_known_where_one_decides(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    assert [v.along_m for v in facts.views] == sorted(v.along_m for v in facts.views)
+    assert facts.views[0].point == "start" and facts.views[-1].point == "goal"
+    (door,) = [v for v in facts.views if v.point == "door"]
+    (sofa,) = [s for s in door.things if s.noun == "sofa"]
+    assert 1.0 < sofa.distance_m < 4.0 and -80.0 < sofa.bearing_deg < 0.0  # on the right, ahead
