@@ -8,17 +8,11 @@ import numpy as np
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
 from ..language.claims import Step
+from .along import bent, passed_events, start_events, with_distances
+from .names import Names
 from .realize import Usage, realize
 from .records import TASTES, VOICES, Event, Taste
-from .steps import (
-    Names,
-    ambiguous,
-    bent,
-    move_events,
-    passed_events,
-    start_events,
-    with_distances,
-)
+from .steps import ambiguous, move_events
 from .stop import stop_events
 
 STYLES = VOICES

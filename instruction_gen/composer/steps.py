@@ -1,24 +1,15 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
-from .grammar import name_of
+from .names import Names
 from .records import Event, Taste
-from .refer import (
-    Reference,
-    at_start,
-    at_turn,
-    in_view,
-    landmark,
-    passed,
-    refer,
-)
+from .refer import at_turn, in_view
 
 TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
@@ -27,9 +18,6 @@ _SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
 _WEAVING_M = 2.0
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
-_FAR_AHEAD_M = 2.5
-_AT_END_M = 0.3  # a turn so close to the end of a way is not on it
-_LONG_M = 4.0  # the longest way that a text leaves undescribed
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
@@ -47,97 +35,6 @@ class Move:
     turn: TurnFact | None = None
     passage: PassageFact | None = None
     turn_first: bool = False
-
-
-class Names:
-    """What things and rooms are called in one text, and which were mentioned already."""
-
-    def __init__(
-        self, facts: PathFacts, rng: np.random.Generator, looks: float, without: Collection[str]
-    ):
-        """Start without a name; things in `without` are never mentioned."""
-        self.facts, self.rng, self.looks, self.without = facts, rng, looks, without
-        self.rooms: dict[str, str] = {}
-        self.names: set[str] = set()
-        self.homed = False  # whether the text says in which room it starts
-        self.nouns: set[str] = set()
-
-    def room(self, name: str) -> str:
-        """Return what a room is called throughout the text."""
-        if name not in self.rooms:
-            self.rooms[name] = name_of(name, self.rng) if name else ""
-        return self.rooms[name]
-
-    def entered(self, passage: PassageFact) -> str:
-        """Return the room entered, told from one of the same kind that is left."""
-        room = self.room(passage.to_room)
-        before = [v for v in self.facts.visits if v.from_m < passage.along_m - 0.1]
-        if not room or passage.to_room not in [v.room for v in before]:
-            return room
-        twins = max(v.twins for v in before if v.room == passage.to_room)
-        if passage.to_room == "hallway":
-            return f"next {room}"
-        return f"other {room}" if twins == 1 else f"another {room}"
-
-    def best(
-        self, near: Callable[[LandmarkFact], float | None], *, at_goal: bool = False
-    ) -> Reference | None:
-        """Return a reference to one of the best things that were not mentioned yet.
-
-        Args:
-            near: how far a thing is [m], None if it will not do.
-        """
-        options = []
-        for mark in self.facts.landmarks:
-            if mark.noun in self.nouns or mark.name in self.without or mark.noun == DOOR:
-                continue
-            if (distance_m := near(mark)) is not None:
-                reference = self.refer(mark, distance_m, at_goal=at_goal)
-                if reference is not None:
-                    options.append((-reference.salience * self.rng.uniform(0.5, 1.5), reference))
-        return self.mention(min(options, key=lambda o: o[0])[1]) if options else None
-
-    def refer(
-        self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
-    ) -> Reference | None:
-        """Return a reference with a name and perhaps a colour or material."""
-        looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
-        look = ""
-        if looks and self.rng.random() < self.looks:
-            look = looks[int(self.rng.integers(len(looks)))]
-        phrase = name_of(mark.noun, self.rng)
-        return refer(mark, self.facts, distance_m, phrase, look, at_goal=at_goal)
-
-    def mention(self, reference: Reference) -> Reference:
-        """Remember a thing."""
-        self.names.add(reference.name)
-        self.nouns.add(reference.noun)
-        return reference
-
-    def beside(self, reference: Reference) -> Reference | None:
-        """Return the thing that stands right beside another, if it can be named."""
-        mark = next((m for m in self.facts.landmarks if m.name == reference.name), None)
-        other = landmark(self.facts, mark.beside, self.without) if mark else None
-        if reference.plural or other is None or other.noun in self.nouns:
-            return None
-        result = self.refer(other, other.distance_m)
-        return None if result is None or result.plural else self.mention(result)
-
-
-_BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
-_TALL = frozenset(("wardrobe", "bookshelf"))
-_LARGE_M = 1.7
-
-
-def _size(mark: LandmarkFact) -> str:
-    """Return an adjective for a thing of clearly more than the usual size."""
-    head = mark.noun.split()[-1]
-    if head in _TALL and mark.size_m >= _LARGE_M:
-        return "tall"
-    return "large" if head in _BIG and mark.size_m >= _LARGE_M else ""
-
-
-# moves ------------------------------------------------------------------------------------------
 
 
 def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
@@ -193,7 +90,7 @@ def moves(facts: PathFacts) -> list[Move]:
         if after is not None and turn.along_m > 0.4 and abs(turn.angle_deg) < _SHARP_DEG:
             passages.remove(after)
             result.append(Move(min(turn.along_m, after.along_m), turn, after, turn_first=True))
-        elif before is not None and abs(turn.angle_deg) < _SHARP_DEG:
+        elif before is not None and not before.alike and abs(turn.angle_deg) < _SHARP_DEG:
             passages.remove(before)
             result.append(Move(before.along_m, turn, before))
         else:
@@ -352,152 +249,3 @@ def ambiguous(facts: PathFacts) -> str:
                 f"{passage.to_room}, and nothing tells them apart"
             )
     return ""
-
-
-# the start and what is passed -----------------------------------------------------------------
-
-
-def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
-    """Return an event that says where the way starts, or none."""
-    looks_away = bool(facts.turns) and facts.turns[0].along_m < 0.3
-    if names.rng.random() >= taste.start:
-        return []
-    room = "" if facts.start_rooms else names.room(facts.visits[0].room)
-    kinds: dict[str, str] = {}
-
-    def near(mark: LandmarkFact) -> float | None:
-        found = None if looks_away else at_start(mark)
-        if found is not None:
-            kinds[mark.name] = found[0]
-        return found[1] if found else None
-
-    mark = names.best(near)
-    if mark is None:
-        names.homed = bool(room)
-        return [Event("home", 0.0, A=room)] if room else []
-    kind = kinds[mark.name]
-    side = mark.side if kind == "beside_start" else ""
-    if kind == "beside_start" and not side:
-        return []
-    if room and kind != "beside_start" and names.rng.random() < 0.5:
-        kind, names.homed = f"home_{kind}", True
-    return [Event(kind, 0.0, A=room, X=mark, s=side)]
-
-
-def passed_events(
-    events: Sequence[Event], facts: PathFacts, names: Names, taste: Taste
-) -> list[Event]:
-    """Return events of things passed on the longest stretches between others."""
-    edges = [0.0, *(_end(e) for e in events)]
-    starts = [*(e.along_m for e in events), facts.length_m]
-    result: list[Event] = []
-    for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
-        if high - low < taste.gap_m or len(result) >= taste.passed:
-            continue
-        mark = names.best(
-            lambda m, low=low, high=high: (
-                m.distance_m if passed(m, facts, low + 0.5, high - 0.6) else None
-            )
-        )
-        if mark is None:
-            result += _passed_door(facts, names, low + 0.7, high - 0.7)
-            continue
-        event = Event("pass", mark.along_m, X=mark, s=mark.side)
-        across = (
-            names.best(
-                lambda m, mark=mark: (
-                    m.distance_m
-                    if {m.side, mark.side} == {"left", "right"}
-                    and abs(m.along_m - mark.along_m) <= 0.8
-                    and passed(m, facts, mark.along_m - 0.9, mark.along_m + 0.9)
-                    else None
-                )
-            )
-            if names.rng.random() < 0.5
-            else None
-        )
-        beside = names.beside(mark) if across is None and names.rng.random() < 0.35 else None
-        if across is not None:
-            event = replace(event, kind="between", Y=across)
-        elif beside is not None:
-            event = replace(event, kind="pass_near", Y=beside)
-        elif names.rng.random() < 0.7:
-            event = replace(event, kind="pass_side")
-        result.append(event)
-    return result
-
-
-def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) -> list[Event]:
-    """Return a doorway that is passed, if only one of the room leads where it leads."""
-    entered = {v.room for v in facts.visits}
-    for mark in facts.landmarks:
-        visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
-        others = [room for room in mark.leads if room not in entered]
-        here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
-        clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
-        if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
-            names.names.add(mark.name)
-            return [Event("pass_door", mark.along_m, C=names.room(others[0]), s=mark.side)]
-    return []
-
-
-PASS_DOOR_M = 1.8
-
-
-def _end(event: Event) -> float:
-    two = event.kind.startswith(("enter_turn", "turn_enter", "jog", "twice", "leave_turn"))
-    return event.along_m + (1.2 if two else 0.2)
-
-
-# distances ---------------------------------------------------------------------------------------
-
-_PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
-
-
-def with_distances(
-    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names, taste: Taste
-) -> list[Event]:
-    """Say how far to walk before a turn that nothing announces, or which room to follow."""
-    result: list[Event] = []
-    before = 0.0
-    for event in events:
-        gap = event.along_m - before
-        bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
-        room = _room_at(facts, before + 0.5 * gap)
-        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
-        gap = gap if taste.voice != "terse" else gap - _LONG_M
-        if (
-            taste.voice != "terse"
-            and room == "hallway"
-            and gap > (2.0 if bare else _LONG_M)
-            and not beside
-        ):
-            result.append(Event("follow", before + 0.2, B=names.room(room)))
-        if bare and gap > 1.8:
-            result.append(Event("walk", before, far_m=gap))
-        result.append(event)
-        before = max(before, _end(event) - 0.2)
-    hall = facts.visits[-1]
-    if (
-        taste.voice != "terse"
-        and hall.room == "hallway"
-        and stop.along_m - max(before, hall.from_m) > _LONG_M
-    ):
-        result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
-    return result
-
-
-def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
-    """Mark the events that tell a way with a bend, which nobody would call straight."""
-    result = []
-    for event in events:
-        low, high = event.along_m, event.along_m + event.far_m
-        if event.kind.startswith("stop"):
-            low, high = facts.length_m - event.far_m, facts.length_m
-        within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
-        result.append(replace(event, bent=any(within)))
-    return result
-
-
-def _room_at(facts: PathFacts, along_m: float) -> str:
-    return next((v.room for v in facts.visits if along_m <= v.to_m), "")

@@ -7,9 +7,9 @@ import numpy as np
 
 from ..facts.doors import DOOR
 from ..facts.records import PathFacts
+from .names import Names
 from .records import Event, Taste
 from .refer import Reference, at_goal, passed
-from .steps import Names
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M = 2.5

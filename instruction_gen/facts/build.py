@@ -125,7 +125,7 @@ def _passages(
         to = c.position_xy_m - track.points_m[k]
         bearing = np.rad2deg(np.arctan2(to[1], to[0]) - track.heading_rad[k])
         bearing = round(float((bearing + 180) % 360 - 180), 1)
-        into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.4), None)
+        into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.0), None)
         side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
         side = side or (into.side if into and abs(into.angle_deg) > 45.0 else "")
         to_room = shared.names[c.to_region]

@@ -26,32 +26,9 @@ _MAX_OCCLUDED = 0.8
 _SIDE_RAD = np.deg2rad(20.0)
 # Parts of the building, and things too flat or too common to steer by.
 PLAIN = frozenset(
-    noun.strip()
-    for noun in [
-        "door",
-        " window",
-        " curtain",
-        " curtain rod",
-        " rug",
-        " carpet",
-        " picture",
-        " lamp",
-        " ceiling lamp",
-        "\n    chandelier",
-        " handle",
-        " pillar",
-        " column",
-        " tableware",
-        " clock",
-        " range hood",
-        " towel rail",
-        " wall cupboard",
-        "\n    security camera",
-        " seasoning box",
-        " kitchen utensils",
-        " tablet",
-        " sign",
-    ]
+    """door,window,curtain,curtain rod,rug,carpet,picture,lamp,ceiling lamp,chandelier,handle,
+pillar,column,tableware,clock,range hood,towel rail,wall cupboard,security camera,seasoning box,
+kitchen utensils,tablet,sign""".replace("\n", "").split(",")
 )
 
 

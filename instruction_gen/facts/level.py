@@ -91,24 +91,9 @@ class LevelFacts:
 
 
 _STRUCTURE = frozenset(
-    [
-        "wall",
-        "floor",
-        "ceiling",
-        "roof",
-        "beam",
-        "board",
-        "misc",
-        "object",
-        "other",
-        "unknown",
-        "opening",
-        "doorway",
-        "room",
-        "window",
-        "frame",
-    ]
-) | {"door frame", "window frame", "wall face", "invisible wall face", "global mesh"}
+    """wall,floor,ceiling,roof,beam,board,misc,object,other,unknown,opening,doorway,room,window,frame,
+door frame,window frame,wall face,invisible wall face,global mesh""".replace("\n", "").split(",")
+)
 
 
 def _part_of(small: LabeledObject, large: LabeledObject) -> bool:

@@ -1,0 +1,156 @@
+"""Choose what to mention beside the moves: the start, what is passed, and how far to walk."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..facts.doors import DOOR
+from ..facts.records import LandmarkFact, PathFacts
+from .names import Names
+from .records import Event, Taste
+from .refer import at_start, passed
+
+PASS_DOOR_M = 1.8
+_AT_END_M = 0.3  # a turn so close to the end of a way is not on it
+_LONG_M = 4.0  # the longest way that a text leaves undescribed
+_PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
+
+
+def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
+    """Return an event that says where the way starts, or none."""
+    looks_away = bool(facts.turns) and facts.turns[0].along_m < 0.3
+    if names.rng.random() >= taste.start:
+        return []
+    room = "" if facts.start_rooms else names.room(facts.visits[0].room)
+    kinds: dict[str, str] = {}
+
+    def near(mark: LandmarkFact) -> float | None:
+        found = None if looks_away else at_start(mark)
+        if found is not None:
+            kinds[mark.name] = found[0]
+        return found[1] if found else None
+
+    mark = names.best(near)
+    if mark is None:
+        names.homed = bool(room)
+        return [Event("home", 0.0, A=room)] if room else []
+    kind = kinds[mark.name]
+    side = mark.side if kind == "beside_start" else ""
+    if kind == "beside_start" and not side:
+        return []
+    if room and kind != "beside_start" and names.rng.random() < 0.5:
+        kind, names.homed = f"home_{kind}", True
+    return [Event(kind, 0.0, A=room, X=mark, s=side)]
+
+
+def passed_events(
+    events: Sequence[Event], facts: PathFacts, names: Names, taste: Taste
+) -> list[Event]:
+    """Return events of things passed on the longest stretches between others."""
+    edges = [0.0, *(_end(e) for e in events)]
+    starts = [*(e.along_m for e in events), facts.length_m]
+    result: list[Event] = []
+    for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
+        if high - low < taste.gap_m or len(result) >= taste.passed:
+            continue
+        mark = names.best(
+            lambda m, low=low, high=high: (
+                m.distance_m if passed(m, facts, low + 0.5, high - 0.6) else None
+            )
+        )
+        if mark is None:
+            result += _passed_door(facts, names, low + 0.7, high - 0.7)
+            continue
+        event = Event("pass", mark.along_m, X=mark, s=mark.side)
+        across = (
+            names.best(
+                lambda m, mark=mark: (
+                    m.distance_m
+                    if {m.side, mark.side} == {"left", "right"}
+                    and abs(m.along_m - mark.along_m) <= 0.8
+                    and passed(m, facts, mark.along_m - 0.9, mark.along_m + 0.9)
+                    else None
+                )
+            )
+            if names.rng.random() < 0.5
+            else None
+        )
+        beside = names.beside(mark) if across is None and names.rng.random() < 0.35 else None
+        if across is not None:
+            event = replace(event, kind="between", Y=across)
+        elif beside is not None:
+            event = replace(event, kind="pass_near", Y=beside)
+        elif names.rng.random() < 0.7:
+            event = replace(event, kind="pass_side")
+        result.append(event)
+    return result
+
+
+def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) -> list[Event]:
+    """Return a doorway that is passed, if only one of the room leads where it leads."""
+    entered = {v.room for v in facts.visits}
+    for mark in facts.landmarks:
+        visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
+        others = [room for room in mark.leads if room not in entered]
+        here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
+        clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
+        if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
+            names.names.add(mark.name)
+            return [Event("pass_door", mark.along_m, C=names.room(others[0]), s=mark.side)]
+    return []
+
+
+def _end(event: Event) -> float:
+    two = event.kind.startswith(("enter_turn", "turn_enter", "jog", "twice", "leave_turn"))
+    return event.along_m + (1.2 if two else 0.2)
+
+
+# distances ---------------------------------------------------------------------------------------
+
+
+def with_distances(
+    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names, taste: Taste
+) -> list[Event]:
+    """Say how far to walk before a turn that nothing announces, or which room to follow."""
+    result: list[Event] = []
+    before = 0.0
+    for event in events:
+        gap = event.along_m - before
+        bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
+        room = _room_at(facts, before + 0.5 * gap)
+        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
+        gap = gap if taste.voice != "terse" else gap - _LONG_M
+        if (
+            taste.voice != "terse"
+            and room == "hallway"
+            and gap > (2.0 if bare else _LONG_M)
+            and not beside
+        ):
+            result.append(Event("follow", before + 0.2, B=names.room(room)))
+        if bare and gap > 1.8:
+            result.append(Event("walk", before, far_m=gap))
+        result.append(event)
+        before = max(before, _end(event) - 0.2)
+    hall = facts.visits[-1]
+    if (
+        taste.voice != "terse"
+        and hall.room == "hallway"
+        and stop.along_m - max(before, hall.from_m) > _LONG_M
+    ):
+        result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
+    return result
+
+
+def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
+    """Mark the events that tell a way with a bend, which nobody would call straight."""
+    result = []
+    for event in events:
+        low, high = event.along_m, event.along_m + event.far_m
+        if event.kind.startswith("stop"):
+            low, high = facts.length_m - event.far_m, facts.length_m
+        within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
+        result.append(replace(event, bent=any(within)))
+    return result
+
+
+def _room_at(facts: PathFacts, along_m: float) -> str:
+    return next((v.room for v in facts.visits if along_m <= v.to_m), "")

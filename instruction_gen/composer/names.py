@@ -1,0 +1,97 @@
+"""What things and rooms are called in one text."""
+
+from collections.abc import Callable, Collection
+
+import numpy as np
+
+from ..facts.doors import DOOR
+from ..facts.records import LandmarkFact, PassageFact, PathFacts
+from .grammar import name_of
+from .refer import Reference, landmark, refer
+
+_BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
+_TALL = frozenset(("wardrobe", "bookshelf"))
+_LARGE_M = 1.7
+
+
+class Names:
+    """What things and rooms are called in one text, and which were mentioned already."""
+
+    def __init__(
+        self, facts: PathFacts, rng: np.random.Generator, looks: float, without: Collection[str]
+    ):
+        """Start without a name; things in `without` are never mentioned."""
+        self.facts, self.rng, self.looks, self.without = facts, rng, looks, without
+        self.rooms: dict[str, str] = {}
+        self.names: set[str] = set()
+        self.homed = False  # whether the text says in which room it starts
+        self.nouns: set[str] = set()
+
+    def room(self, name: str) -> str:
+        """Return what a room is called throughout the text."""
+        if name not in self.rooms:
+            self.rooms[name] = name_of(name, self.rng) if name else ""
+        return self.rooms[name]
+
+    def entered(self, passage: PassageFact) -> str:
+        """Return the room entered, told from one of the same kind that is left."""
+        room = self.room(passage.to_room)
+        before = [v for v in self.facts.visits if v.from_m < passage.along_m - 0.1]
+        if not room or passage.to_room not in [v.room for v in before]:
+            return room
+        twins = max(v.twins for v in before if v.room == passage.to_room)
+        if passage.to_room == "hallway":
+            return f"next {room}"
+        return f"other {room}" if twins == 1 else f"another {room}"
+
+    def best(
+        self, near: Callable[[LandmarkFact], float | None], *, at_goal: bool = False
+    ) -> Reference | None:
+        """Return a reference to one of the best things that were not mentioned yet.
+
+        Args:
+            near: how far a thing is [m], None if it will not do.
+        """
+        options = []
+        for mark in self.facts.landmarks:
+            if mark.noun in self.nouns or mark.name in self.without or mark.noun == DOOR:
+                continue
+            if (distance_m := near(mark)) is not None:
+                reference = self.refer(mark, distance_m, at_goal=at_goal)
+                if reference is not None:
+                    options.append((-reference.salience * self.rng.uniform(0.5, 1.5), reference))
+        return self.mention(min(options, key=lambda o: o[0])[1]) if options else None
+
+    def refer(
+        self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
+    ) -> Reference | None:
+        """Return a reference with a name and perhaps a colour or material."""
+        looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
+        look = ""
+        if looks and self.rng.random() < self.looks:
+            look = looks[int(self.rng.integers(len(looks)))]
+        phrase = name_of(mark.noun, self.rng)
+        return refer(mark, self.facts, distance_m, phrase, look, at_goal=at_goal)
+
+    def mention(self, reference: Reference) -> Reference:
+        """Remember a thing."""
+        self.names.add(reference.name)
+        self.nouns.add(reference.noun)
+        return reference
+
+    def beside(self, reference: Reference) -> Reference | None:
+        """Return the thing that stands right beside another, if it can be named."""
+        mark = next((m for m in self.facts.landmarks if m.name == reference.name), None)
+        other = landmark(self.facts, mark.beside, self.without) if mark else None
+        if reference.plural or other is None or other.noun in self.nouns:
+            return None
+        result = self.refer(other, other.distance_m)
+        return None if result is None or result.plural else self.mention(result)
+
+
+def _size(mark: LandmarkFact) -> str:
+    """Return an adjective for a thing of clearly more than the usual size."""
+    head = mark.noun.split()[-1]
+    if head in _TALL and mark.size_m >= _LARGE_M:
+        return "tall"
+    return "large" if head in _BIG and mark.size_m >= _LARGE_M else ""
