@@ -19,7 +19,7 @@ _VOICES = {"t": "terse", "n": "natural", "r": "rich"}
 _NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 # One walks into a room, but not "in" where there is a hallway.
-_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip)")
+_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip|the room|into it)")
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
