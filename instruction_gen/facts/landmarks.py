@@ -46,7 +46,7 @@ def landmarks_of(
     seen = _by_thing(sight)
     skin_m = np.array([skin_of(noun) for noun in shared.nouns])
     where = relations(track, shared.low_m, shared.high_m, shared.regions, skin_m)
-    beside = _beside(shared)
+    neighbours = _beside(shared)
     result = []
     for n, thing in enumerate(shared.things):
         glimpses = seen.get(thing.name, ())
@@ -59,7 +59,7 @@ def landmarks_of(
                 track,
                 where,
                 n,
-                beside=beside[n],
+                neighbour=neighbours[n],
                 near=near,
                 glimpses=glimpses,
                 floor_z_m=shared.bundle.level_floor_z_m[shared.level],
@@ -76,7 +76,7 @@ def _landmark(
     where: Relations,
     n: int,
     *,
-    beside: str,
+    neighbour: str,
     near: NDArray[np.bool_],
     glimpses: Sequence[Glimpse],
     floor_z_m: float,
@@ -127,7 +127,7 @@ def _landmark(
         size_m=round(float(max(size[:2].max(), size[2])), 2),
         moments=_moments(track, where, n, np.flatnonzero(near), pixels),
         leads=shared.leads[n],
-        beside=beside,
+        beside=neighbour,
     )
 
 

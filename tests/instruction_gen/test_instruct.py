@@ -392,3 +392,11 @@ def test_what_is_in_view_is_known_where_one_decides(two_rooms):
     (door,) = [v for v in facts.views if v.point == "door"]
     (sofa,) = [s for s in door.things if s.noun == "sofa"]
     assert 1.0 < sofa.distance_m < 4.0 and -80.0 < sofa.bearing_deg < 0.0  # on the right, ahead
+
+
+def test_a_thing_beside_another_is_known():
+    facts = path_facts(episode_of([(2.0, 2.0), (4.0, 2.0)]), building("villa", 5039))
+    by_name = {mark.name: mark for mark in facts.landmarks}
+    pairs = [(m, by_name[m.beside]) for m in facts.landmarks if m.beside in by_name]
+    assert pairs
+    assert all(a.noun != b.noun and a.room == b.room for a, b in pairs)
