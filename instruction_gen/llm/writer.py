@@ -56,7 +56,9 @@ class ModelWriter:
                 composed, problems = compose_texts(ground, len(missing), missing, rng, texts)
                 self.replaced += len(composed)
                 good += [
-                    WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts)
+                    WrittenText(
+                        c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts, steps=c.steps
+                    )
                     for c in composed
                 ]
             written += good
