@@ -13,9 +13,18 @@ from ..formats.core.atomic import file_digest
 from ..formats.core.errors import InputError, MissingExtraError, UnknownNameError
 from .baselines import Forward, Random, Stop
 from .policy import ModelUse, Policy, PolicyError
-from .policy_names import CHECKPOINT_SUFFIX, MAP, MODEL_POLICIES, ORACLE, SERVER_SCHEMES
+from .policy_names import (
+    CHECKPOINT_SUFFIX,
+    HTTP_SCHEMES,
+    MAP,
+    MODEL_POLICIES,
+    ORACLE,
+    SERVER_FORMS,
+    SERVER_SCHEMES,
+)
 
 if TYPE_CHECKING:
+    from .http.client import HttpPolicy
     from .remote import RemotePolicy
 
 
@@ -107,8 +116,12 @@ class PolicyChoice:
             return _learned(self.checkpoint, seed)
         return self._server() if self.is_server else POLICIES[self.name](seed)
 
-    def _server(self) -> RemotePolicy:
+    def _server(self) -> RemotePolicy | HttpPolicy:
         try:
+            if self.name.startswith(HTTP_SCHEMES):
+                from .http.client import HttpPolicy
+
+                return HttpPolicy(self.name, self.timeout_s)
             from .remote import RemotePolicy
         except ModuleNotFoundError as error:
             raise MissingExtraError(f"{self.name}: a policy server", "evaluate") from error
@@ -141,7 +154,7 @@ def shipped_policies() -> dict[str, Path]:
 
 def _valid_policies() -> list[str]:
     checkpoint = f"a checkpoint of `vlnpe train` (FILE{CHECKPOINT_SUFFIX})"
-    return [*POLICIES, *MODEL_POLICIES, ORACLE, *shipped_policies(), checkpoint, "ws://HOST:PORT"]
+    return [*POLICIES, *MODEL_POLICIES, ORACLE, *shipped_policies(), checkpoint, *SERVER_FORMS]
 
 
 def _checkpoint(path: Path) -> Path:

@@ -48,7 +48,7 @@ def examine(out: Path) -> list[Finding]:
         _guarded("video", _codecs),
         _extra("train", ["torch", "lerobot", "rsl_rl"]),
         _extra("scan", ["open3d"]),
-        _extra("evaluate", ["gymnasium", "msgpack", "websockets"]),
+        _extra("evaluate", ["gymnasium", "httpx2", "msgpack", "websockets", "werkzeug"]),
         _extra("llm", ["openai"]),
         _extra("cluster", ["ray", "submitit"]),
         _extra("onnxruntime", ["onnx", "onnxruntime"]),

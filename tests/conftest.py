@@ -32,7 +32,7 @@ LIBRARIES = (
 HIDDEN = {*LIBRARIES.split("|"), "msgpack", "ray", "safetensors", "selenium", "submitit"}
 NOT_CORE = re.compile(
     rf"^\s*(?:import|from) (?:{LIBRARIES}"
-    r"|vlnpe\.evaluation\.(?:env|remote|server)"
+    r"|vlnpe\.evaluation\.(?:env|http|remote|server)"
     r"|vlnpe\.collectors\.locomotion\.training\.(?:env|export|mirror|train))\b"
     r"|vlnpe\.learning|vlnpe\.evaluation\.learned|vlnpe\.pipeline\.ablation\.(?:cells|plan)",
     re.MULTILINE,

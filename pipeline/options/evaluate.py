@@ -27,7 +27,7 @@ class Evaluate(DiscreteActions, Mounting, Running):
     h1, aliengo and jetbot), map (an online semantic map, without training; map-llm, map-vlm and
     map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a vision-language model, see
     docs/guides/evaluation.md), a checkpoint of `vlnpe train` (FILE.safetensors), or the address
-    of a policy server (ws://HOST:PORT)."""
+    of a policy server (ws://HOST:PORT, or http://HOST:PORT for models served by /eval_dual)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
@@ -86,3 +86,23 @@ class Compare(Printing):
     def check(self) -> None:
         """Raise InputError if a file or folder is missing."""
         must_exist(self.first, self.second)
+
+
+@dataclass(frozen=True)
+class Serve:
+    """Serve a policy to a robot or another program over HTTP, in the form of InternNav's models.
+
+    POST /eval_dual takes an image, depth and JSON, and answers {"discrete_action": [1]}.
+    Example: vlnpe serve cma --port 5801
+    """
+
+    policy: tyro.conf.Positional[str]
+    """Policy: a learned one (cma, cma-h1, cma-robots, FILE.safetensors), random, forward, stop."""
+    host: str = "127.0.0.1"
+    """Address to listen on; 0.0.0.0 lets other machines connect. There is no password."""
+    port: int = 5801
+    """Port to listen on; 0 takes a free one."""
+    instruction: str = ""
+    """Instruction for requests that have none (InternNav's own client sends none)."""
+    seed: int = 0
+    """Random seed."""
