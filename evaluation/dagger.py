@@ -1,72 +1,18 @@
-"""DAgger: a policy walks, an expert says at every step what it would have done.
-
-Without a policy the expert walks alone, which gives further walks to train on.
-"""
-
-from dataclasses import dataclass
+"""Walks of DAgger with what a model saw, for training; without a model the expert walks alone."""
 
 import numpy as np
 
-from ..collectors.controllers import Expert, Pose
-from ..collectors.controllers.interface import Task
-from ..collectors.replay.replay import ReplayConfig, replay_in
+from ..collectors.replay.replay import ReplayConfig
 from ..collectors.replay.world import World
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.core.rollout import Action, EndReason, Rollout
+from ..formats.core.rollout import EndReason
 from ..learning.checkpoint import Checkpoint
 from ..learning.images import depth_input, rgb_input
 from ..learning.training.corrections import Correction
-from .episode import PolicyChooser
+from .guided import Mixture, guided_walk
 from .learned import LearnedPolicy
-from .observation import Eye, Observation
-from .policy import Assignment
-
-
-class _Mixed:
-    """Takes the expert's action or the model's, and keeps what was seen, advised and done."""
-
-    blind = False
-
-    def __init__(self, policy: LearnedPolicy | None, expert_share: float, rng: np.random.Generator):
-        self._policy, self._share, self._rng = policy, expert_share, rng
-        self.seen: list[Observation] = []
-        self.advice: list[Action] = []
-        self.executed: list[Action] = []
-        self.left_m: list[float] = []
-
-    def reset(self, assignment: Assignment) -> None:
-        if self._policy is not None:
-            self._policy.reset(assignment)
-
-    def act(self, observation: Observation) -> Action:
-        action = advice = self.advice[-1]
-        if self._policy is not None:
-            action = self._policy.act(observation)
-            # A model that stops early ends its walk, and all that could be learned behind it.
-            early = action is Action.STOP and advice is not Action.STOP
-            if early or self._rng.random() < self._share:
-                action = advice
-        self.seen.append(observation)
-        self.executed.append(action)
-        return action
-
-
-@dataclass(frozen=True)
-class _Corrected:
-    """Asks the expert at every pose, and then the mixture."""
-
-    chooser: PolicyChooser
-    expert: Expert
-    mixed: _Mixed
-
-    def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
-        self.mixed.advice.append(self.expert.next_action(pose, rest))
-        self.mixed.left_m.append(self.expert.remaining_m)
-        return self.chooser.next_action(pose, rest)
-
-    def notes(self) -> list[tuple[str, str]]:
-        return self.expert.notes()
+from .observation import Eye
 
 
 def corrected_walk(
@@ -89,8 +35,8 @@ def corrected_walk(
         PolicyError: the model failed.
         InputError: the robot stands in an obstacle at the episode's start.
     """
-    walk = _Mixed(LearnedPolicy(checkpoint), expert_share, rng)
-    _walk(world, episode, config, eye, walk)
+    walk = Mixture(LearnedPolicy(checkpoint), expert_share, rng)
+    guided_walk(world, episode, config, eye, walk)
     if not walk.executed:
         raise InputError(f"episode {episode.episode_id} cannot be started")
     card = checkpoint.card
@@ -115,25 +61,15 @@ def expert_walk(
         size_px: width and height of the images kept.
         depth_far_m: greatest depth kept [m].
     """
-    walk = _Mixed(None, 1.0, np.random.default_rng(0))
-    rollout = _walk(world, episode, config, eye, walk)
+    walk = Mixture(None, 1.0, np.random.default_rng(0))
+    rollout = guided_walk(world, episode, config, eye, walk)
     if rollout.end_reason is not EndReason.SUCCESS:
         return None
     return _correction(walk, world, episode, size_px, depth_far_m)
 
 
-def _walk(world: World, episode: Episode, config: ReplayConfig, eye: Eye, walk: _Mixed) -> Rollout:
-    assignment = Assignment.of(episode, world.robot.name, config.controller)
-    walk.reset(assignment)
-
-    def choose(task: Task) -> _Corrected:
-        return _Corrected(PolicyChooser(world, assignment, walk, eye), Expert(task), walk)
-
-    return replay_in(world, episode, config, choose)
-
-
 def _correction(
-    walk: _Mixed, world: World, episode: Episode, size_px: int, depth_far_m: float
+    walk: Mixture, world: World, episode: Episode, size_px: int, depth_far_m: float
 ) -> Correction:
     left_m = np.array(walk.left_m)
     return Correction(

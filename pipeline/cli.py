@@ -85,6 +85,7 @@ _TABLE = (
     Verb("train", "training.Train", "commands.training.train.run"),
     Verb("ablate", "training.Ablate", "commands.training.ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "commands.evaluate.run_evaluate"),
+    Verb("dagger", "evaluate.Dagger", "commands.dagger.run"),
     Verb("serve", "evaluate.Serve", "commands.serve.run"),
     Verb("benchmark", "benchmark.Benchmark", "commands.benchmark.run"),
     Verb("compare", "evaluate.Compare", "commands.evaluate.run_compare"),

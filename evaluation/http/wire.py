@@ -3,8 +3,8 @@
 The form has the fields `image` (JPEG), `depth` (PNG, uint16 in 0.1 mm, 0 = not measured) and
 `json`. `{"reset": true}` in the latter begins an episode. vlnpe also sends `instruction`, `idx`
 (the number of actions so far) and `pose` (x, y [m], yaw [rad] from the start), which InternNav's
-own server ignores. The reply holds `discrete_action`, a list of 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT, or
-`trajectory`, points (x forward, y left [m]) in the frame of the robot when the image was taken.
+own server ignores. The reply holds `discrete_action`, a list of 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT,
+or `trajectory`, points (x forward, y left [m]) in the frame of the robot when the image was taken.
 """
 
 import io

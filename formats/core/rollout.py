@@ -104,7 +104,8 @@ class Rollout:
         events: in time order.
         facts: robot, physics and controller facts worth keeping with the data (JSON values).
         labels: where the controller knows no discrete actions, the one that VLN-CE's expert would
-            take toward the reference path at every 25th sample (`DISCRETE_RATE_HZ`).
+            take toward the reference path at every 25th sample (`DISCRETE_RATE_HZ`). In a walk of
+            `vlnpe dagger`, the expert's action at each of `actions`.
     """
 
     episode: Episode

@@ -5,7 +5,7 @@ zero motion.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -194,6 +194,10 @@ def _discrete_actions(
     rollout: Rollout, samples: NDArray[np.int64], poses: NDArray[np.float64]
 ) -> NDArray[np.int64]:
     """Return `action.discrete` (N,) of frames at `DISCRETE_RATE_HZ` with planar poses (N, 3)."""
+    if rollout.actions and rollout.labels:
+        spans = zip(rollout.actions, rollout.labels, strict=True)
+        advised = tuple(replace(span, action=label) for span, label in spans)
+        return stop_at_end(executed_actions(advised, samples))
     if rollout.actions:
         return stop_at_end(executed_actions(rollout.actions, samples))
     if rollout.labels:

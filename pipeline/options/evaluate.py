@@ -6,6 +6,7 @@ from typing import Annotated
 
 import tyro
 
+from ...formats.core.errors import InputError
 from . import check_limit, must_exist
 from .running import Running
 from .shared import DiscreteActions, Mounting, Printing
@@ -86,6 +87,55 @@ class Compare(Printing):
     def check(self) -> None:
         """Raise InputError if a file or folder is missing."""
         must_exist(self.first, self.second)
+
+
+@dataclass(frozen=True)
+class Dagger(DiscreteActions, Mounting, Running):
+    """Let a policy walk, and record what the expert would have done at each step (DAgger).
+
+    The result is a run like any other: rollouts, frames, LeRobot and MCAP, with the expert's
+    actions as `action.discrete` and the controller `dagger`.
+    Example: vlnpe dagger runs/homes --policy cma --robot h1 --beta 0.75 --out runs/homes-dagger
+    """
+
+    episodes: tyro.conf.Positional[Path]
+    """Run folder of `collect`, or an episode file (.json.gz), with --scenes if it is not part of a
+    run."""
+    policy: str = "cma"
+    """Policy with discrete actions, as of `vlnpe evaluate`; a server, too."""
+    beta: float = 0.5
+    """Probability that the expert takes an action instead of the policy, 0 to 1."""
+    scenes: Path | None = None
+    """Folder of repaired scenes; defaults to the run's own."""
+    robot: str = "aliengo"
+    """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
+    controller: str = "auto"
+    """Controller that executes the actions: speed (physics), flash (placed without physics), or
+    auto: the first of these that suits the robot."""
+    split: str | None = "train"
+    """Walk only this split; `all` walks every one."""
+    limit: int | None = None
+    """Maximum number of episodes; the first ones are walked."""
+    camera: str = "ego"
+    """Camera of policy and data, with an optional size and field of view (ego:224x224:79); a
+    learned policy defaults to the camera of its training data."""
+    light: str = "baked"
+    """Lighting: baked, DL5000, DL300 or CL."""
+    renderer: str = "auto"
+    """Renderer: embree, gl, splat, splat_depth, or auto."""
+    timeout_s: float = 30.0
+    """Maximum time that a policy server may take for one action [s]; physics waits meanwhile."""
+    seed: int = 0
+    """Random seed; of which actions are the expert's, too."""
+    out: Path = Path("runs/dagger")
+    """Output folder."""
+
+    def check(self) -> None:
+        """Raise InputError if a file or folder is missing, or a number is out of range."""
+        must_exist(self.episodes, self.scenes)
+        check_limit(self.limit)
+        if not 0 <= self.beta <= 1:
+            raise InputError(f"--beta {self.beta:g}; valid: 0 to 1")
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from ....evaluation.guided import CONTROLLER
 from ....evaluation.policy_registry import PolicyChoice
 from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
@@ -30,6 +31,7 @@ def items(
     identity: str,
     view: View,
     actions: str,
+    expert_share: float | None = None,
 ) -> list[WorkItem]:
     """Return one item per episode.
 
@@ -37,10 +39,12 @@ def items(
         scenes: rows of the repair stage by scene id.
         policy: as the user has chosen it.
         identity: what the policy is now; see `PolicyChoice.identity`.
+        expert_share: see `EvaluateJob`; walks with one are labelled `dagger`.
     """
     who, result = walker_identity(walker), []
+    label = walker.config.controller if expert_share is None else CONTROLLER
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
-    for episode, name in zip(episodes, walk_names(episodes, walker), strict=True):
+    for episode, name in zip(episodes, walk_names(episodes, walker, label), strict=True):
         out = root / f"{name}.mcap"
         scene = scenes_folder / episode.scene_id
         seen = replace(view, renderer=drawn_by[episode.scene_id])
@@ -54,8 +58,11 @@ def items(
             actions=actions,
             models=models,
             out=out,
+            expert_share=expert_share,
         )
         inputs = (episode, scenes[episode.scene_id].key, *who, identity, seen, actions)
+        if expert_share is not None:
+            inputs = (*inputs, expert_share)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result
 

@@ -4,7 +4,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
+import numpy as np
+
 from ....evaluation.episode import evaluate_episode
+from ....evaluation.guided import labelled_walk
 from ....evaluation.observation import Eye
 from ....evaluation.policy import Policy
 from ....evaluation.policy_names import ORACLE
@@ -23,6 +26,8 @@ class EvaluateJob:
     Attributes:
         policy: as the user has chosen it.
         models: folder where compiled models are kept.
+        expert_share: let the expert take this share of the actions and label all of them; None
+            lets the policy walk alone.
     """
 
     scene: Path
@@ -33,6 +38,7 @@ class EvaluateJob:
     actions: str
     models: Path
     out: Path
+    expert_share: float | None = None
 
     def run(self) -> ItemResult:
         """Evaluate one episode.
@@ -52,7 +58,19 @@ class EvaluateJob:
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
-        rollout = evaluate_episode(world, self.episode, config, policy, eye, kind=self.actions)
+        if self.expert_share is None:
+            rollout = evaluate_episode(world, self.episode, config, policy, eye, kind=self.actions)
+        else:
+            assert policy is not None  # the oracle is the expert itself
+            rollout = labelled_walk(
+                world,
+                self.episode,
+                config,
+                policy,
+                eye,
+                expert_share=self.expert_share,
+                rng=np.random.default_rng([config.seed, *self.episode.episode_id.encode()]),
+            )
         rollout = replace(rollout, facts={**rollout.facts, "policy": self.policy.name})
         result = store(rollout, self.scene.name, config, self.out)
         more = {
