@@ -61,7 +61,7 @@ def test_labels_are_the_experts_and_actions_the_mixtures(
         assert rollout.controller == "dagger"
     (data,) = out.glob("lerobot/jetbot-dagger-*/data/**/*.parquet")
     rows = pq.read_table(data, columns=["action.discrete", "episode_index"]).to_pylist()
-    first = [row["action.discrete"][0] for row in rows if row["episode_index"] == 0]
+    first = [row["action.discrete"] for row in rows if row["episode_index"] == 0]
     rollout = read_rollout(out / "jetbot" / "dagger" / "e0.mcap")
     # One frame each 0.25 s, as long as an action takes.
     assert first[: len(rollout.labels) - 1] == [int(a) for a in rollout.labels[:-1]]
