@@ -17,7 +17,7 @@ from .stop import stop_events
 
 STYLES = VOICES
 DRAFTS = 24  # written for each text, the best is taken
-WORDS = {"terse": (6, 10), "natural": (22, 29), "rich": (37, 55)}
+WORDS = {"terse": (5, 9), "natural": (21, 28), "rich": (37, 55)}
 _MOST_CHECKED = 16
 
 
@@ -130,5 +130,5 @@ def _draft(
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for other in others)
     same = sum(kind in other.skeletons for kind in kinds for other in others) / max(1, len(kinds))
-    score = usage.repetition(text) + 5.0 * outside + 0.15 * shared + 0.3 * same
+    score = usage.repetition(text) + 8.0 * outside + 0.15 * shared + 0.3 * same
     return score, Composed(text, style, steps, kinds, marks, 0)

@@ -21,12 +21,13 @@ _JOINTS = {
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
+_BREVITY = 0.3  # a word of a terse clause
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
 
 
 class Usage:
-    """Counts of the word pairs and triples that were used, to repeat few of them."""
+    """Counts of the words, pairs and triples of words that were used, to repeat few of them."""
 
     def __init__(self) -> None:
         """Start with nothing used."""
@@ -44,7 +45,7 @@ class Usage:
 
 def _runs(text: str) -> Iterable[tuple[str, ...]]:
     words = text.lower().replace(",", "").replace(".", "").split()
-    for n in (2, 3):
+    for n in (1, 2, 3):
         for k in range(len(words) - n + 1):
             yield tuple(words[k : k + n])
 
@@ -66,9 +67,13 @@ def realize(
         after = clauses[-1].joint if clauses else "start"
         ways = drafts(event, voice, rng, _CHOICES, after)
         own = {clause.words.split()[0] for clause in clauses[-3:]}
-        clauses.append(
-            min(ways, key=lambda c: usage.repetition(c.words) + 0.4 * (c.words.split()[0] in own))
-        )
+        brief = _BREVITY if voice == "terse" else 0.0
+
+        def worse(clause: Clause, own: set[str] = own, brief: float = brief) -> float:
+            words = clause.words.split()
+            return usage.repetition(clause.words) + 0.4 * (words[0] in own) + brief * len(words)
+
+        clauses.append(min(ways, key=worse))
     return _sentences(clauses, voice, rng)
 
 

@@ -218,7 +218,9 @@ def _passage(
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
         return replace(event, kind=str(rng.choice(kinds)))
     if turn is not None:
-        if slight or (first and event.A and rng.random() < 0.3):
+        if slight or (
+            first and event.A and rng.random() < (0.8 if taste.voice == "terse" else 0.3)
+        ):
             kind = "leave_turn" if event.A and not slight else "enter"
             return replace(event, kind=kind)
         ahead = names.best(lambda m: in_view(m, turn.along_m + 0.75, 35.0, 5.0)) if marked else None
