@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from vlnpe.evaluation.baselines import Random
 from vlnpe.evaluation.env import NavigationEnv
-from vlnpe.evaluation.learned import LearnedPolicy
 from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policies.baselines import Random
+from vlnpe.evaluation.policies.learned import LearnedPolicy
 from vlnpe.evaluation.policy import Assignment, Policy
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.rollout import Action

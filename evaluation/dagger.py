@@ -11,7 +11,7 @@ from ..learning.checkpoint import Checkpoint
 from ..learning.images import depth_input, rgb_input
 from ..learning.training.corrections import Correction
 from .guided import Mixture, guided_walk
-from .learned import LearnedPolicy
+from .policies.learned import LearnedPolicy
 from .observation import Eye
 
 

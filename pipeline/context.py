@@ -12,15 +12,15 @@ from pathlib import Path
 
 from ..formats.core.atomic import sweep_beside, write_bytes
 from ..formats.core.errors import InputError, VlnpeError
-from .engine.executors.execution import Execution, make_executor
 from .engine.files import records_of
 from .engine.ledger import JOURNAL_NAME, MANIFEST_NAME, QUARANTINE_NAME, Ledger, Row
 from .engine.lock import LOCK_NAME, lock, sweep_unlocked
-from .engine.record import FOLDER as QUARANTINE_FOLDER
 from .engine.run_folder import open_run_folder
-from .engine.runner import Context, run_stage
 from .engine.signals import ended_first
 from .engine.work import WorkItem
+from .execution.record import FOLDER as QUARANTINE_FOLDER
+from .execution.runner import Context, run_stage
+from .execution.settings import Execution, make_executor
 from .options.command_line import command_line
 from .options.running import Running
 from .store.address import store_url

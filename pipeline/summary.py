@@ -14,7 +14,7 @@ from typing import Any
 from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger, Row
 from .engine.run_folder import RunFolder
-from .engine.runner import StageSummary
+from .execution.runner import StageSummary
 from .inputs.crews import robot_of_run
 from .options.collect import Collect
 from .options.command_line import command_line

@@ -14,7 +14,7 @@ from tests.support.scenes.rooms import write_two_rooms
 from tests.support.signals import let_children_have_defaults
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.scheduling import ordinary_threads
-from vlnpe.pipeline.engine.executors.attempts import keep_mujoco_from_writing
+from vlnpe.pipeline.execution.attempts import keep_mujoco_from_writing
 
 # Speed belongs to benchmarks: a busy machine must not fail a test.
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -15,8 +15,8 @@ from tests.support.episodes import episode_along
 from tests.support.rollouts import make_rollout
 from vlnpe.collectors.controllers import CONTROLLERS
 from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policies.remote import RemotePolicy
 from vlnpe.evaluation.policy import Assignment
-from vlnpe.evaluation.remote import RemotePolicy
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import write_episodes

@@ -10,7 +10,7 @@ from ...datasets.mixture.choice import Library, NoEpisodesError, choose_all
 from ...datasets.mixture.comparison import Comparison, Row
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
 from ...datasets.selection import Selection
-from ...evaluation.policy_registry import resolve_policy
+from ...evaluation.policies.registry import resolve_policy
 from ...evaluation.rounds import spread
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name
@@ -18,7 +18,7 @@ from ...formats.lerobot.splits import is_published_holdout
 from ...learning.config import train_config
 from ...learning.training.holdout import Holdout, hold_out, published_holdout, scene_of
 from ...learning.training.session import Planned, Request, plan_training
-from ..commands.evaluate import chosen_test
+from ..chains.evaluation import chosen_test
 from ..inputs.episode_file import asked_episodes
 from ..options.evaluate import Evaluate
 from ..options.training import Ablate

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, valid_controllers
-from ...evaluation.policy_registry import resolve_policy
+from ...evaluation.policies.registry import resolve_policy
 from ...evaluation.results import COLUMNS, decimals, read_results
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, write_json
@@ -19,7 +19,6 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ..collect import command as collect
 from ..context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
@@ -29,6 +28,7 @@ from ..options.collect import Collect
 from ..options.evaluate import Evaluate
 from ..provenance import versions
 from ..stages.evaluation.job import EvaluateJob
+from . import collect
 from .evaluate import run_evaluate
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"

@@ -14,12 +14,12 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_vlnce, write_episodes
 from ...formats.vlnce.groups import instruction_count
-from ...trajectory_sampler.align_config import AlignConfig
-from ...trajectory_sampler.stairs import StairRules
+from ...trajectory_sampler.vlnce.align_config import AlignConfig
+from ...trajectory_sampler.vlnce.stairs import StairRules
 from ..context import open_single
 from ..engine.ledger import Row
-from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest
+from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.folders import scenes_in, scenes_root
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample

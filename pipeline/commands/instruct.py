@@ -18,8 +18,8 @@ from ...instruction_gen.show import show_path
 from ..context import open_single, run_output
 from ..engine.ledger import Row
 from ..engine.run_folder import SightFiles
-from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import digest
+from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.crews import chosen_robot
 from ..inputs.episode_file import episode_files, scenes_of
 from ..inputs.wording import instruct_config, vision_settings

@@ -6,10 +6,10 @@ from contextlib import nullcontext
 from dataclasses import asdict
 
 from .. import doctor
-from ..engine.executors.processes import Workers
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder
-from ..engine.runner import Context
+from ..execution.processes import Workers
+from ..execution.runner import Context
 from ..options.results import Doctor, Report, Verify
 from ..report import items as report
 from ..store.address import store_url

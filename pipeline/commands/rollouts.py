@@ -10,7 +10,7 @@ from ...rendering.camera.views import CameraOverrides
 from ...rendering.registry import chosen_renderer
 from ..context import open_context
 from ..engine.ledger import Ledger, Row
-from ..engine.runner import StageSummary, run_stage
+from ..execution.runner import StageSummary, run_stage
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
 from ..inputs.episode_file import asked_episodes, scenes_of
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views

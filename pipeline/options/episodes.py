@@ -5,8 +5,8 @@ from pathlib import Path
 
 import tyro
 
-from ...trajectory_sampler.align_config import AlignConfig
 from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.vlnce.align_config import AlignConfig
 from . import check_given
 from .shared import Clearance, Parallel, WalkedBy
 

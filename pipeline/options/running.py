@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ..engine.executors.execution import LOCAL, Execution
+from ..execution.settings import LOCAL, Execution
 from .shared import Parallel
 
 

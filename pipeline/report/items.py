@@ -9,8 +9,8 @@ from pathlib import Path
 from ...collectors.robots import RobotSpec
 from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
-from ..engine.runner import Context, StageSummary, run_stage
 from ..engine.work import WorkItem, work_item
+from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.crews import robot_of_run
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts.pictures_job import ClipJob, MapJob, StripJob

@@ -25,8 +25,8 @@ from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.context import open_context
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.engine.runner import run_stage
 from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.execution.runner import run_stage
 from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.report import items as report_items
 from vlnpe.pipeline.report.failures import failure_figures

@@ -144,7 +144,7 @@ def handles(pid: int, number: int) -> bool:
 
 def test_no_worker_ever_receives_ctrl_c():
     code = (
-        "import signal; from vlnpe.pipeline.engine.executors.processes import Workers\n"
+        "import signal; from vlnpe.pipeline.execution.processes import Workers\n"
         "with Workers(1) as workers:\n"
         "    held = workers.submit(signal.pthread_sigmask, signal.SIG_BLOCK, []).result()\n"
         "print(signal.SIGINT in held)"

@@ -15,10 +15,10 @@ from tests.collectors.test_replay import make_episode, same
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
-from vlnpe.evaluation.baselines import Forward, Random, Stop
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye, checked_action
+from vlnpe.evaluation.policies.baselines import Forward, Random, Stop
 from vlnpe.evaluation.policy import Assignment, PolicyError
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError

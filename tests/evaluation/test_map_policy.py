@@ -10,12 +10,12 @@ from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
-from vlnpe.evaluation.map_policy.inference import goals_of
-from vlnpe.evaluation.map_policy.picture import draw_map
-from vlnpe.evaluation.map_policy.policy import MapPolicy
-from vlnpe.evaluation.map_policy.routes import Routes, next_action, waypoints
-from vlnpe.evaluation.map_policy.seen_map import SeenMap
 from vlnpe.evaluation.observation import Eye
+from vlnpe.evaluation.policies.map_policy.inference import goals_of
+from vlnpe.evaluation.policies.map_policy.picture import draw_map
+from vlnpe.evaluation.policies.map_policy.policy import MapPolicy
+from vlnpe.evaluation.policies.map_policy.routes import Routes, next_action, waypoints
+from vlnpe.evaluation.policies.map_policy.seen_map import SeenMap
 from vlnpe.evaluation.policy import Assignment, PolicyError
 from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.formats.scene.bundle import SceneBundle

@@ -10,11 +10,11 @@ from PIL import Image
 
 from tests.evaluation.test_map_policy import START, walked
 from tests.support.misbehaving_server import HANG, Server, completion
-from vlnpe.evaluation.map_policy.labels import OracleLabeller
-from vlnpe.evaluation.map_policy.model_labels import ModelLabeller
-from vlnpe.evaluation.map_policy.policy import MapPolicy
-from vlnpe.evaluation.map_policy.seen_map import Detection, SeenMap
 from vlnpe.evaluation.observation import Lens, Observation
+from vlnpe.evaluation.policies.map_policy.labels import OracleLabeller
+from vlnpe.evaluation.policies.map_policy.model_labels import ModelLabeller
+from vlnpe.evaluation.policies.map_policy.policy import MapPolicy
+from vlnpe.evaluation.policies.map_policy.seen_map import Detection, SeenMap
 from vlnpe.evaluation.policy import PolicyError
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.instruction_gen.llm.budget import BudgetError

@@ -11,9 +11,9 @@ import pytest
 
 import vlnpe.evaluation.server
 from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policies.registry import resolve_policy
+from vlnpe.evaluation.policies.remote import RemotePolicy
 from vlnpe.evaluation.policy import Assignment, PolicyError
-from vlnpe.evaluation.policy_registry import resolve_policy
-from vlnpe.evaluation.remote import RemotePolicy
 from vlnpe.evaluation.server import decode, encode
 
 ASSIGNMENT = Assignment("e1", "house", "Go to the 沙发.", "aliengo", "speed")

@@ -8,13 +8,13 @@ import pytest
 from PIL import Image
 
 from tests.support.misbehaving_server import Server, completion
-from vlnpe.evaluation.llm.ask import TextModel
-from vlnpe.evaluation.llm.text_actions import parse_actions
-from vlnpe.evaluation.llm.vlm import HISTORY, PROMPT, VlmPolicy, evenly
-from vlnpe.evaluation.map_policy import restated
 from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policies.llm.ask import TextModel
+from vlnpe.evaluation.policies.llm.text_actions import parse_actions
+from vlnpe.evaluation.policies.llm.vlm import HISTORY, PROMPT, VlmPolicy, evenly
+from vlnpe.evaluation.policies.map_policy import restated
+from vlnpe.evaluation.policies.registry import PolicyChoice, resolve_policy
 from vlnpe.evaluation.policy import Assignment, ModelUse, PolicyError
-from vlnpe.evaluation.policy_registry import PolicyChoice, resolve_policy
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.rollout import Action
 from vlnpe.instruction_gen.llm.budget import Budget, BudgetError

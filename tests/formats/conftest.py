@@ -7,4 +7,4 @@ from tests.support.runs.work import InlineWorkers
 
 @pytest.fixture
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("vlnpe.pipeline.engine.executors.execution.Workers", InlineWorkers)
+    monkeypatch.setattr("vlnpe.pipeline.execution.settings.Workers", InlineWorkers)

@@ -17,7 +17,7 @@ from safetensors.torch import load_file, save_file
 from tests.learning.conftest import Walks
 from tests.learning.test_closed_loop import request
 from tests.security.hostile import put
-from vlnpe.evaluation.policy_registry import resolve_policy
+from vlnpe.evaluation.policies.registry import resolve_policy
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.learning.stepper import Choice, Sight, Stepper

@@ -15,8 +15,8 @@ from vlnpe.datasets.mixture.recipe import recipe_of
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
-from vlnpe.evaluation.learned import LearnedPolicy
 from vlnpe.evaluation.observation import Eye
+from vlnpe.evaluation.policies.learned import LearnedPolicy
 from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.learning.card import Card, View
 from vlnpe.learning.checkpoint import Checkpoint, load_checkpoint

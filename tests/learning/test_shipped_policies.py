@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from tests.learning.conftest import Walks
-from vlnpe.evaluation.policy_registry import resolve_policy, shipped_policies
+from vlnpe.evaluation.policies.registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.commands.evaluate import _warn_of_other_training
+from vlnpe.pipeline.chains.evaluation import _warn_of_other_training
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "evidence" / "results"
 LARGEST_BYTES = 2_000_000

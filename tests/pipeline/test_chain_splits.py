@@ -11,19 +11,19 @@ from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.records import InstructConfig
-from vlnpe.pipeline.collect import episode_chain, rollout_chain
-from vlnpe.pipeline.collect.run import Run
+from vlnpe.pipeline.chains import episode_chain, rollout_chain
+from vlnpe.pipeline.chains.run import Run
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.engine.runner import Context
+from vlnpe.pipeline.execution.runner import Context
 from vlnpe.pipeline.inputs.views import chosen_views
 from vlnpe.pipeline.report.gather import robot_rows
 from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.rendering.camera.extras import Extras
 from vlnpe.rendering.camera.views import CameraOverrides
-from vlnpe.trajectory_sampler.align_config import AlignConfig
 from vlnpe.trajectory_sampler.config import SampleConfig
-from vlnpe.trajectory_sampler.stairs import StairRules
+from vlnpe.trajectory_sampler.vlnce.align_config import AlignConfig
+from vlnpe.trajectory_sampler.vlnce.stairs import StairRules
 
 pytestmark = pytest.mark.slow
 

@@ -15,10 +15,10 @@ from vlnpe.formats.lerobot.layout import DEPTH_KEY
 from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
 from vlnpe.pipeline.commands import scenes
 from vlnpe.pipeline.commands.scenes import Repair, run_repair
-from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger, Row
-from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.execution.processes import Workers
+from vlnpe.pipeline.execution.runner import Context, run_stage
 from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.pipeline.stages.scenes.outputs import facts_of
 from vlnpe.pipeline.stages.scenes.soundness import SoundnessJob

@@ -9,7 +9,7 @@ import pytest
 from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.engine.runner import Context, run_stage
+from vlnpe.pipeline.execution.runner import Context, run_stage
 from vlnpe.pipeline.stages.episodes import sample_items
 from vlnpe.pipeline.stages.scenes import items as scene_items
 from vlnpe.trajectory_sampler.config import SampleConfig

@@ -16,9 +16,9 @@ from vlnpe.formats.core.frames import world_to_habitat_position, world_to_habita
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import VlnceEpisode, VlnceFile, VlnceGoal, read_vlnce, write_episodes
 from vlnpe.formats.vlnce.groups import group_by_path, instruction_ids
-from vlnpe.trajectory_sampler.align_config import AlignConfig
-from vlnpe.trajectory_sampler.alignment import align_episodes
-from vlnpe.trajectory_sampler.stairs import StairRules, filter_stairs, steep_step
+from vlnpe.trajectory_sampler.vlnce.align import align_episodes
+from vlnpe.trajectory_sampler.vlnce.align_config import AlignConfig
+from vlnpe.trajectory_sampler.vlnce.stairs import StairRules, filter_stairs, steep_step
 from vlnpe.wayfinding.planning import segments_free
 
 CONFIG = AlignConfig()

@@ -12,8 +12,8 @@ from ....collectors.replay.replay import ReplayConfig
 from ....collectors.replay.world import World
 from ....evaluation.dagger import corrected_walk, expert_walk
 from ....evaluation.episode import closed_loop
-from ....evaluation.learned import LearnedPolicy
 from ....evaluation.observation import Eye
+from ....evaluation.policies.learned import LearnedPolicy
 from ....evaluation.rounds import Round, spread
 from ....formats.core.atomic import write_bytes, write_json
 from ....formats.core.episode import Episode

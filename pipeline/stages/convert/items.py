@@ -13,8 +13,8 @@ from ....formats.internnav.writer import SceneEpisode, share_instructions
 from ....formats.lerobot import EpisodeUnit, read_episode_unit
 from ....formats.trainers.registry import LAYOUTS
 from ...engine.ledger import Row
-from ...engine.runner import Context, StageSummary, run_stage
 from ...engine.work import WorkItem, work_item
+from ...execution.runner import Context, StageSummary, run_stage
 from .jobs import (
     Kind,
     N1SceneJob,

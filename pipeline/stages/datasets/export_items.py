@@ -16,8 +16,8 @@ from ....formats.vlnce.files import read_episodes
 from ....formats.vlnce.groups import group_by_path
 from ....instruction_gen.review.decisions import DecisionFile
 from ...engine.ledger import Row
-from ...engine.runner import Context, StageSummary, run_stage
 from ...engine.work import WorkItem, digest, work_item
+from ...execution.runner import Context, StageSummary, run_stage
 from ..episodes.jobs import SampleJob
 from ..instructions.instruct_job import InstructJob
 from ..instructions.visibility import LookJob

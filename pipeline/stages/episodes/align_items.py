@@ -6,11 +6,11 @@ from typing import Any
 
 from ....formats.core.atomic import file_digest
 from ....formats.vlnce.files import read_vlnce
-from ....trajectory_sampler.align_config import AlignConfig
-from ....trajectory_sampler.stairs import GEOMETRIC, StairRules
+from ....trajectory_sampler.vlnce.align_config import AlignConfig
+from ....trajectory_sampler.vlnce.stairs import GEOMETRIC, StairRules
 from ...engine.ledger import Ledger, Row
-from ...engine.runner import StageSummary
 from ...engine.work import WorkItem, work_item
+from ...execution.runner import StageSummary
 from .jobs import AlignJob, FilterJob
 
 STAGE = "align"

@@ -9,11 +9,11 @@ import numpy as np
 
 from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
-from ....trajectory_sampler.align_config import AlignConfig
-from ....trajectory_sampler.alignment import align_episodes
 from ....trajectory_sampler.config import SampleConfig
 from ....trajectory_sampler.sampling import sample_episodes
-from ....trajectory_sampler.stairs import StairRules, filter_stairs
+from ....trajectory_sampler.vlnce.align import align_episodes
+from ....trajectory_sampler.vlnce.align_config import AlignConfig
+from ....trajectory_sampler.vlnce.stairs import StairRules, filter_stairs
 from ...engine.work import ItemResult
 
 

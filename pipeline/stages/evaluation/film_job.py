@@ -8,8 +8,8 @@ from ....formats.mcap.rollout import read_rollout
 from ....rendering.camera.views import View
 from ....rendering.figures.pictures import save_picture
 from ....rendering.figures.story import policy_film
-from ...engine.executors.parts import telling
 from ...engine.work import ItemResult
+from ...execution.parts import telling
 from ..rollouts.render_job import scene_renderer
 
 

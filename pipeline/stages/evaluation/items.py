@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ....evaluation.guided import CONTROLLER
-from ....evaluation.policy_registry import PolicyChoice
+from ....evaluation.policies.registry import PolicyChoice
 from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
 from ....rendering.registry import scene_renderer_name

@@ -9,9 +9,9 @@ import numpy as np
 from ....evaluation.episode import evaluate_episode
 from ....evaluation.guided import labelled_walk
 from ....evaluation.observation import Eye
+from ....evaluation.policies.names import ORACLE
+from ....evaluation.policies.registry import PolicyChoice
 from ....evaluation.policy import Policy
-from ....evaluation.policy_names import ORACLE
-from ....evaluation.policy_registry import PolicyChoice
 from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
 from ...engine.work import ItemResult

@@ -2,8 +2,8 @@
 
 from ....instruction_gen.llm.brief import prompts_sha256
 from ...engine.ledger import Ledger
-from ...engine.runner import StageSummary
 from ...engine.work import WorkItem, work_item
+from ...execution.runner import StageSummary
 from .instruct_job import InstructJob
 
 STAGE = "instruct"

@@ -11,8 +11,8 @@ from ....rendering.camera.views import View
 from ....rendering.figures.film_strip import film_strip
 from ....rendering.figures.pictures import save_picture, third_person_clip, watchable_video
 from ....rendering.figures.scene_map import top_down_map
-from ...engine.executors.parts import telling
 from ...engine.work import ItemResult
+from ...execution.parts import telling
 from .render_job import scene_renderer
 
 

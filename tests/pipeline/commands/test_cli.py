@@ -13,8 +13,8 @@ import pytest
 import tyro
 
 from vlnpe.collectors.controllers import SpeedConfig
-from vlnpe.evaluation.policy_names import MODEL_POLICIES, ORACLE
-from vlnpe.evaluation.policy_registry import POLICIES, shipped_policies
+from vlnpe.evaluation.policies.names import MODEL_POLICIES, ORACLE
+from vlnpe.evaluation.policies.registry import POLICIES, shipped_policies
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.instruction_gen.records import MIXED, InstructConfig
 from vlnpe.pipeline.cli import VERBS, main

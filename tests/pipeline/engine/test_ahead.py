@@ -7,12 +7,12 @@ import pytest
 
 from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.engine.ahead import run_ahead
-from vlnpe.pipeline.engine.executors.attempts import Link
-from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.execution.ahead import run_ahead
+from vlnpe.pipeline.execution.attempts import Link
+from vlnpe.pipeline.execution.processes import Workers
+from vlnpe.pipeline.execution.runner import Context, run_stage
 
 pytestmark = pytest.mark.chain
 

@@ -13,12 +13,12 @@ import pytest
 from tests.support.runs import work
 from tests.support.runs.ray_nodes import kill_agents, two_nodes
 from vlnpe.formats.core.errors import InputError, UnknownNameError
-from vlnpe.pipeline.engine.executors.execution import Execution, make_executor
-from vlnpe.pipeline.engine.executors.slurm import parse_options
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.signals import DryRun
 from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.execution.runner import Context, run_stage
+from vlnpe.pipeline.execution.settings import Execution, make_executor
+from vlnpe.pipeline.execution.slurm import parse_options
 
 pytestmark = pytest.mark.slow
 

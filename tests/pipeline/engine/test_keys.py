@@ -139,7 +139,7 @@ EDITS = {
         {"scan as splats"},
     ),
     "the stage runner": (
-        "pipeline/engine/executors/processes.py",
+        "pipeline/execution/processes.py",
         "\nfrom .",
         "\nMORE = 2\nfrom .",
         set(),

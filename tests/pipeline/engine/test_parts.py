@@ -7,10 +7,10 @@ import pytest
 from tests.support.runs import work
 from vlnpe.formats.core import progress
 from vlnpe.formats.core.atomic import sweep_beside
-from vlnpe.pipeline.engine.executors import parts
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.engine.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
+from vlnpe.pipeline.execution import parts
+from vlnpe.pipeline.execution.runner import Context, run_stage
 
 
 def test_a_bar_advances_while_its_items_are_being_done(

@@ -16,13 +16,13 @@ from hypothesis import strategies as st
 
 from tests.support.runs import work
 from vlnpe.formats.core.errors import InputError, VlnpeError
-from vlnpe.pipeline.engine.executors.attempts import WorkerDiedError, run_items
-from vlnpe.pipeline.engine.executors.processes import Workers
 from vlnpe.pipeline.engine.ledger import JOURNAL_NAME, MANIFEST_NAME, Ledger
 from vlnpe.pipeline.engine.run_folder import file_names, safe_name
-from vlnpe.pipeline.engine.runner import Context, StageFailedError, run_stage
 from vlnpe.pipeline.engine.work import WorkItem, work_item
-from vlnpe.trajectory_sampler.stairs import StairRules
+from vlnpe.pipeline.execution.attempts import WorkerDiedError, run_items
+from vlnpe.pipeline.execution.processes import Workers
+from vlnpe.pipeline.execution.runner import Context, StageFailedError, run_stage
+from vlnpe.trajectory_sampler.vlnce.stairs import StairRules
 
 pytestmark = pytest.mark.chain
 
@@ -296,9 +296,9 @@ def test_a_piped_run_prints_few_lines_per_stage(tmp_path: Path) -> None:
 from pathlib import Path
 from tests.support.runs import work
 from vlnpe.formats.core import progress
-from vlnpe.pipeline.engine.executors.processes import Workers
+from vlnpe.pipeline.execution.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.engine.runner import Context, run_stage
+from vlnpe.pipeline.execution.runner import Context, run_stage
 from vlnpe.pipeline.engine.work import WorkItem
 
 if __name__ == "__main__":
@@ -337,7 +337,7 @@ if __name__ == "__main__":
 UNSTABLE = """
 import os
 import mujoco
-from vlnpe.pipeline.engine.executors.attempts import attempt
+from vlnpe.pipeline.execution.attempts import attempt
 
 class Fall:
     def run(self):

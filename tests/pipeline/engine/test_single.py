@@ -9,8 +9,8 @@ from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.context import LEDGERS, open_single, run_single
-from vlnpe.pipeline.engine.executors import execution as executors
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
+from vlnpe.pipeline.execution import execution as executors
 
 
 @dataclass(frozen=True)

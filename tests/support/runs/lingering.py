@@ -5,7 +5,7 @@ from pathlib import Path
 
 from tests.support.runs import work
 from vlnpe.pipeline.context import open_context
-from vlnpe.pipeline.engine.runner import run_stage
+from vlnpe.pipeline.execution.runner import run_stage
 from vlnpe.pipeline.engine.signals import Interrupted, interruptible
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.options.running import Running

@@ -11,8 +11,8 @@ from typing import Any
 
 from vlnpe.formats.core.atomic import atomic_file
 from vlnpe.formats.core.errors import FileFormatError, SceneError
-from vlnpe.pipeline.engine.executors.processes import Workers
-from vlnpe.pipeline.engine.executors.parts import telling
+from vlnpe.pipeline.execution.processes import Workers
+from vlnpe.pipeline.execution.parts import telling
 from vlnpe.pipeline.engine.work import ItemResult
 
 

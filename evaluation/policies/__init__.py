@@ -1,0 +1,1 @@
+"""The policies that `vlnpe evaluate` offers, by name."""

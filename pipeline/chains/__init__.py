@@ -1,0 +1,1 @@
+"""Chains of stages: from scans to episodes, from episodes to datasets, and evaluation."""

@@ -1,0 +1,253 @@
+"""From episodes to datasets: `replay`, `render`, `export` of one robot under one controller."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from ...collectors.robots import RobotSpec
+from ...formats.convert.dataset import read_facts
+from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
+from ...formats.trainers.registry import LAYOUTS
+from ...rendering.camera.extras import Extras
+from ...rendering.camera.views import View
+from ..engine.explain import parts_of
+from ..engine.ledger import Ledger, Row
+from ..execution.runner import WorkItem
+from ..inputs.crews import Crew, action_timing, robot_of_run
+from ..stages.convert.layout_items import layout_items
+from ..stages.datasets import export_items as export
+from ..stages.datasets.export_job import UnitJob
+from ..stages.datasets.mcap_job import McapJob
+from ..stages.instructions import instruct_items as instruct
+from ..stages.instructions import sight_items as sight
+from ..stages.rollouts import render_items as render
+from ..stages.rollouts import replay_items as replay
+from ..stages.rollouts.render_job import RenderJob
+from ..stages.rollouts.replay_job import ReplayJob, Walker
+from . import together
+from .run import Run
+
+log = logging.getLogger(__name__)
+
+# What a worker imports that takes an episode through all stages.
+MODULES = tuple(job.__module__ for job in (ReplayJob, RenderJob, UnitJob, McapJob))
+
+
+@dataclass(frozen=True)
+class Product:
+    """What is rendered and exported from rollouts.
+
+    Attributes:
+        only_success: leave failures out of the export; they are rendered in any case.
+        rgb_codec: key of `formats.video.RGB_CODECS`.
+        depth_storage: what `export.check_depth_storage` takes.
+        also: layouts of trainers, keys of `LAYOUTS`.
+        language: Give datasets LeRobot's language column.
+    """
+
+    frames_per_second: int
+    extras: Extras
+    only_success: bool
+    rgb_codec: str
+    depth_storage: str
+    mcap: bool = True
+    also: tuple[str, ...] = ()
+    language: bool = False
+
+
+def select_current(
+    run: Run,
+    episodes: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    pairs: Sequence[Crew],
+) -> None:
+    """Leave out robots other than `pairs` that walked other paths, or else than they would now.
+
+    Those that walked some of these paths stay, also with more or fewer of them, and so do those of
+    another seed: the report says how many each walked. `report.gather.left_out` tells the others.
+    """
+    ledger = run.context.ledger
+    done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
+    current = {(crew[0].name, replay.label_of(ledger, _walker(run, crew).config)) for crew in pairs}
+    for robot, label in sorted(done - current):
+        scope = f"{robot}/{label}/"
+        rows = [row for row in ledger.rows(replay.STAGE) if row.item.startswith(scope)]
+        try:
+            walker = _recorded_walker(run, robot, rows)
+            if walker.config.seed != run.seed or _agree(
+                ledger, rows, episodes, _walks(run, episodes, scenes, walker, label)
+            ):
+                continue
+        except InputError:  # a robot that is known no more
+            pass
+        for stage in (replay.STAGE, render.STAGE, export.STAGE, export.MCAP_STAGE):
+            ledger.select(stage, scope, ())
+        for stage in (export.DATASET_STAGE, *LAYOUTS):
+            ledger.select(stage, f"{robot}-{label}-", ())
+
+
+def collect(
+    run: Run,
+    episodes: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    crew: Crew,
+    views: Sequence[View],
+    product: Product,
+    facts: Mapping[str, Any],
+) -> None:
+    """Replay the episodes with one crew; render and export each view.
+
+    Args:
+        run: where.
+        scenes: rows of the repair stage by scene id.
+        crew: robot and controller.
+        views: what to render.
+        facts: options for the provenance.
+    """
+    folder, robot = run.folder, crew[0]
+    walker = _walker(run, crew)
+    label = replay.label_of(run.context.ledger, walker.config)
+    walks = _walks(run, episodes, scenes, walker, label)
+    rollouts: dict[str, Row] | None = None
+    for view in views:
+        dataset = export.Dataset.under(folder.root, robot.name, label, view.name)
+        renders = partial(_renders, run, robot, scenes, view, product)
+        of_view = f" {view.kind} {view.light}" if len(views) > 1 else ""
+        exports = partial(
+            export.items,
+            root=folder.root,
+            scenes=folder.scenes,
+            robot=robot,
+            dataset=dataset,
+            depth_storage=product.depth_storage,
+            per_instruction=run.per_instruction,
+            mcap=product.mcap,
+        )
+        together.run(
+            run.context,
+            episodes,
+            walks,
+            renders,
+            exports,
+            only_success=product.only_success,
+            label=f"{robot.name} {label}{of_view}",
+        )
+        if rollouts is None:
+            rollouts = run.stage(replay.STAGE, walks, f"{robot.name}/{label}/").good()
+            run.context.ledger.record_new(folder.models)
+        frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
+        summaries = export.run(
+            run.context,
+            exports(export.wanted(frames, product.only_success)),
+            folder.scenes,
+            dataset,
+            {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
+            product.language,
+        )
+        run.summaries.extend(summaries)
+        units = summaries[0].good() if summaries[-1].good() else {}
+        _write_layouts(run, dataset, units, product.also)
+
+
+def _write_layouts(
+    run: Run, dataset: export.Dataset, units: Mapping[str, Row], layouts: Sequence[str]
+) -> None:
+    """Write the layouts of trainers from the units of a dataset; those not in `layouts` lapse."""
+    for layout in LAYOUTS:
+        scope = f"{dataset.name}/"
+        if layout not in layouts or not units:
+            run.context.ledger.select(layout, scope, ())
+            continue
+        facts, root = read_facts(dataset.lerobot), run.folder.root
+        held_out = facts.provenance.get("held_out_scenes", ())
+        how: dict[str, Any] = {"held_out": held_out, "licence": facts.licence}
+        try:
+            items = layout_items(layout, units, root, dataset.name, **how)
+        except InputError as error:  # the run itself is whole
+            log.warning("--also %s: %s", layout, error)
+            items = []
+        run.stage(layout, items, scope)
+        run.context.ledger.discard(layout, scope)
+
+
+def _renders(
+    run: Run,
+    robot: RobotSpec,
+    scenes: Mapping[str, Row],
+    view: View,
+    product: Product,
+    rollouts: Mapping[str, Row],
+) -> list[WorkItem]:
+    folder = run.folder
+    return render.items(
+        render.Recorded(robot, rollouts, folder.root, scenes, folder.scenes),
+        view,
+        product.frames_per_second,
+        folder.frames,
+        folder.root,
+        product.rgb_codec,
+        product.extras,
+    )
+
+
+def _model_usage(ledger: Ledger) -> dict[str, Any]:
+    """Return requests, tokens and cost of the language model; empty without one."""
+    # Of all models that write or name; they count in one file.
+    return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
+
+
+def _walker(run: Run, crew: Crew) -> Walker:
+    return replay.walker(*crew, run.seed, run.actions)
+
+
+def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
+    """Return what walked the rollouts of some rows, which share robot and label."""
+    robot = robot_of_run(name, run.folder.root)
+    for facts in (row.facts for row in rows if "seed" in row.facts):
+        actions = facts["actions"]
+        timing = action_timing(**actions) if actions else run.actions
+        return replay.walker(robot, facts["controller"], facts["seed"], timing)
+    return _walker(run, (robot, rows[0].item.split("/")[1]))
+
+
+def _walks(
+    run: Run,
+    episodes: Sequence[Episode],
+    scenes: Mapping[str, Row],
+    walker: Walker,
+    label: str,
+) -> list[WorkItem]:
+    folder = run.folder
+    where = (folder.scenes, folder.rollouts, folder.models)
+    return replay.items(episodes, scenes, *where, walker, label)
+
+
+def _agree(
+    ledger: Ledger, rows: Sequence[Row], episodes: Sequence[Episode], items: Sequence[WorkItem]
+) -> bool:
+    """Return whether rows are walks of `items`, or of further paths walked in the same way."""
+    named = {item.name: item for item in items}
+    settings = [
+        _without_episode({name: part.digest for name, part in parts_of(i.inputs, i.job).items()})
+        for i in {e.scene_id: i for e, i in zip(episodes, items, strict=True)}.values()
+    ]
+    return any(row.item in named for row in rows) and all(
+        _is_current(ledger, named[row.item])
+        if row.item in named
+        else _without_episode(row.parts) in settings
+        for row in rows
+    )
+
+
+def _without_episode(parts: Mapping[str, str]) -> dict[str, str]:
+    return {name: digest for name, digest in parts.items() if not name.startswith("Episode ")}
+
+
+def _is_current(ledger: Ledger, item: WorkItem) -> bool:
+    """Return whether an earlier run did, or failed at, exactly this item."""
+    row = ledger.row(replay.STAGE, item.name)
+    broken = row is not None and row.status == "quarantined" and row.key == item.key
+    return broken or ledger.is_done(replay.STAGE, item.name, item.key)

@@ -1,1 +1,0 @@
-"""Where items run: processes of this machine, a Ray cluster, or Slurm."""

@@ -1,0 +1,264 @@
+"""Fit the path of a VLN-CE episode into a repaired scene: onto the floor, out of walls."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.measure import label
+
+from ...formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
+from ...formats.core.geometry import path_length
+from ...formats.scene.bundle import SceneBundle
+from ...formats.scene.freemap import Freemap
+from ...formats.vlnce.files import VlnceEpisode
+from ...wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
+from ...wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
+from .align_config import AlignConfig
+from .levels import level_gaps
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class FittedPath:
+    """A path in its scene: what all episodes of one path share."""
+
+    level: int
+    path_m: Array
+    yaw_rad: float
+    geodesic_m: float
+    changes: dict[str, Any]
+
+
+class RejectedError(Exception):
+    """An episode cannot be aligned; the message says why."""
+
+
+def fit_path(
+    raw: VlnceEpisode, bundle: SceneBundle, freemaps: list[Freemap], config: AlignConfig
+) -> FittedPath:
+    """Return an episode's path in its scene.
+
+    Args:
+        raw: the episode.
+        bundle: its scene.
+        freemaps: of the scene's levels, for the free height of `config`.
+        config: thresholds.
+
+    Raises:
+        RejectedError: the path does not fit.
+    """
+    if not raw.goals or not len(raw.reference_path_habitat_m):
+        raise RejectedError("no goal or no reference path, as in a test split")
+    to_world = HABITAT_TO_WORLD if raw.in_repaired_world else bundle.habitat_to_world
+    start = transform_points(to_world, raw.start_position_habitat_m)
+    goal = transform_points(to_world, raw.goals[0].position_habitat_m)
+    path = transform_points(to_world, raw.reference_path_habitat_m)
+    level, gaps = _level(freemaps, np.vstack([start, path, goal]), config)
+    freemap = freemaps[level]
+    free, start_xy, goal_xy = _connected_ends(freemap, start, goal, config)
+    names = ["start", *(f"waypoint {k}" for k in range(len(path))), "goal"]
+    moved = {
+        "start": float(np.linalg.norm(start_xy - start[:2])),
+        "goal": float(np.linalg.norm(goal_xy - goal[:2])),
+    }
+    waypoints, bypassed = [start_xy], []
+    for k, point in enumerate(path):
+        place = _nearest(freemap, free, point, config.max_waypoint_nudge_m)
+        if place is None:
+            bypassed.append({"waypoint": k, "position_world_m": np.round(point, 3).tolist()})
+            continue
+        waypoints.append(place)
+        moved[f"waypoint {k}"] = float(np.linalg.norm(place - point[:2]))
+    allowed = config.max_bypassed_share * max(1, len(path) - 2)
+    if len(bypassed) > allowed:
+        where = ", ".join(str(one["waypoint"]) for one in bypassed)
+        raise RejectedError(
+            f"waypoints {where} of {len(path)} stand in collision, farther than "
+            f"{config.max_waypoint_nudge_m:g} m from floor that a robot of radius "
+            f"{config.robot_radius_m:g} m reaches; at most {config.max_bypassed_share:g} of the "
+            "inner ones may be bypassed"
+        )
+    whole, detours = _passable(freemap, free, [*waypoints, goal_xy], config)
+    changes = {
+        "robot_radius_m": config.robot_radius_m,
+        "start_moved_m": moved["start"],
+        "goal_moved_m": moved["goal"],
+        "waypoints_moved_m": max(moved.values()),
+        "floor_gap_m": float(np.abs(gaps).max()),
+        "detours": detours,
+        "nudges": [
+            {"point": name, "moved_m": round(moved[name], 4)} for name in names if moved.get(name)
+        ],
+        "height_snaps": [
+            {"point": name, "moved_m": round(-float(gap), 4)}
+            for name, gap in zip(names, gaps, strict=True)
+            if abs(gap) > config.recorded_snap_m
+        ],
+        "bypassed": bypassed,
+        "length_m": [round(path_length(path), 3), round(path_length(whole), 3)],
+    }
+    return FittedPath(
+        level,
+        whole,
+        _yaw(to_world, raw),
+        float(distance_field(freemap, goal_xy, AGENT_RADIUS_M).at(start_xy)),
+        changes,
+    )
+
+
+def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
+    """Return the level under a path (P, 3) [m], and the heights above its floor (P,) [m].
+
+    Its ends must lie on that floor. Inner points without floor nearby are compared with the level's
+    usual height: at a hole they can be bypassed, on stairs they are too high or too low.
+    """
+    gaps = level_gaps(freemaps, points)
+    for freemap, inner in zip(freemaps, gaps[:, 1:-1], strict=True):
+        if np.isfinite(freemap.floor_z_m).any():
+            usual_m = float(np.nanmedian(freemap.floor_z_m))
+            inner[:] = np.where(np.isinf(inner), points[1:-1, 2] - usual_m, inner)
+    worst = np.abs(gaps).max(axis=1)
+    level = int(np.argmin(worst))
+    if worst[level] <= config.max_floor_gap_m:
+        return level, gaps[level]
+    # Say what is wrong by the level that most of the path lies on.
+    level = int(np.argmin(np.median(np.abs(gaps), axis=1)))
+    point = int(np.argmax(np.abs(gaps[level])))
+    gap = gaps[level, point]
+    where = f"of level {level} at {_place(points[point])}"
+    if not np.isfinite(gap):
+        raise RejectedError(f"there is no floor {where}")
+    raise RejectedError(
+        f"a point lies {abs(gap):.2f} m {'above' if gap > 0 else 'below'} the floor {where}; "
+        f"at most {config.max_floor_gap_m:g} m is allowed (the path may change levels)"
+    )
+
+
+def _connected_ends(
+    freemap: Freemap, start: Array, goal: Array, config: AlignConfig
+) -> tuple[NDArray[np.bool_], Array, Array]:
+    """Return the connected free floor (rows, columns) on which start and goal move least.
+
+    Returns that floor, and the places (2,) [m] of start and goal on it. A start half behind a chair
+    is moved to the room's side of it, not into a pocket without a way out.
+    """
+    parts = np.asarray(label(freemap.free(config.robot_radius_m), connectivity=1))
+    options = []
+    for point, what, limit in (
+        (start, "start", config.max_start_nudge_m),
+        (goal, "goal", config.max_goal_nudge_m),
+    ):
+        found = {
+            part: place
+            for part in _parts_near(freemap, parts, point, limit)
+            if (place := _nearest(freemap, parts == part, point, limit)) is not None
+        }
+        if not found:
+            raise RejectedError(
+                f"the {what} at {_place(point)} is in collision, farther than "
+                f"{limit:g} m from floor that is free for radius {config.robot_radius_m:g} m"
+            )
+        options.append(found)
+    common = options[0].keys() & options[1].keys()
+    if not common:
+        raise RejectedError(
+            "start and goal are not connected for a robot of radius "
+            f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
+        )
+    moved = {
+        part: [
+            float(np.linalg.norm(found[part] - point[:2]))
+            for found, point in zip(options, (start, goal), strict=True)
+        ]
+        for part in sorted(common)
+    }
+    part = min(moved, key=lambda one: (_too_far(moved[one], config), sum(moved[one])))
+    if _too_far(moved[part], config):
+        start_moved, goal_moved = moved[part]
+        raise RejectedError(
+            f"the goal at {_place(goal)} would be moved by {goal_moved:.2f} m, the start by "
+            f"{start_moved:.2f} m, for a robot of radius {config.robot_radius_m:g} m; goals are "
+            "moved no farther than their starts, unless --goal-beyond-start is given"
+        )
+    return parts == part, options[0][part], options[1][part]
+
+
+def _too_far(moved_m: Sequence[float], config: AlignConfig) -> bool:
+    """Return whether a goal is moved farther than allowed, given the moves of start and goal."""
+    start_m, goal_m = moved_m
+    return not config.goal_beyond_start and goal_m > start_m + 1e-9
+
+
+def _parts_near(
+    freemap: Freemap, parts: NDArray[np.int64], point: Array, within_m: float
+) -> list[int]:
+    """Return the labels of `parts` (rows, columns) that occur within `within_m` of a point."""
+    row, column = freemap.grid.cell_of(point[:2])
+    reach = int(np.ceil(within_m / freemap.grid.cell_m)) + 1
+    window = parts[
+        max(row - reach, 0) : max(row + reach + 1, 0),
+        max(column - reach, 0) : max(column + reach + 1, 0),
+    ]
+    return [int(part) for part in np.unique(window) if part]
+
+
+def _nearest(
+    freemap: Freemap, free: NDArray[np.bool_], point: Array, within_m: float
+) -> Array | None:
+    """Return the place (2,) [m] in `free` nearest to `point` (3,); None beyond `within_m`."""
+    xy = point[:2]
+    cell = nearest_cell(freemap.grid, free, xy, within_m)
+    if cell is None:
+        return None
+    if np.array_equal(freemap.grid.cell_of(xy), cell):
+        return xy.copy()
+    return freemap.grid.center_of(cell)
+
+
+def _passable(
+    freemap: Freemap, free: NDArray[np.bool_], waypoints: list[Array], config: AlignConfig
+) -> tuple[Array, int]:
+    """Return waypoints (2,) as a path (P, 3) of free segments, and how many needed a detour."""
+    pieces = [waypoints[0][None]]
+    detours = 0
+    for a, b in pairwise(waypoints):
+        if np.linalg.norm(b - a) < 1e-6:
+            continue
+        if segments_free(freemap.grid, free, np.array([a, b]))[0]:
+            pieces.append(b[None])
+            continue
+        way = plan_path(freemap, a, b, config.robot_radius_m)
+        if way is None:
+            raise RejectedError(
+                f"no path leads from waypoint {_place(a)} to {_place(b)} for a robot of "
+                f"radius {config.robot_radius_m:g} m"
+            )
+        thin = simplify_path(
+            freemap,
+            way,
+            radius_m=config.robot_radius_m,
+            spacing_m=config.waypoint_spacing_m,
+            tolerance_m=0.03,
+        )
+        pieces.append(thin[1:, :2])
+        detours += 1
+    xy = np.concatenate(pieces)
+    if len(xy) == 1:
+        raise RejectedError("start and goal are the same place")
+    return np.column_stack([xy, floor_z(freemap, xy)]), detours
+
+
+def _yaw(to_world: Array, raw: VlnceEpisode) -> float:
+    """Return the heading of the start in the levelled world [rad]."""
+    yaw = habitat_to_world_yaw(raw.start_rotation_xyzw)
+    levelling = to_world[:3, :3] @ HABITAT_TO_WORLD[:3, :3].T
+    ahead = levelling @ (np.cos(yaw), np.sin(yaw), 0.0)
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _place(point: Array) -> str:
+    return "(" + ", ".join(f"{v:.2f}" for v in point) + ")"
