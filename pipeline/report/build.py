@@ -2,13 +2,13 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-
+from ...formats.core.atomic import write_bytes
 from ..engine.ledger import Ledger, Row
+from ..engine.work import ItemResult
 from ..stages.episodes.align_items import filter_lines
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
@@ -23,7 +23,22 @@ from .gather import (
 )
 from .maps import ScenePaths, Track, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
-from .pictures import Pictures, jpeg_uri
+from .pictures import Pictures, jpeg_uri, rendered_page
+
+
+@dataclass(frozen=True)
+class ReportJob:
+    """Write the report page."""
+
+    root: Path
+    pictures: Pictures
+    out: Path
+
+    def run(self) -> ItemResult:
+        """Write the page."""
+        page = build_page(self.root, self.pictures).encode()
+        write_bytes(self.out, page)
+        return ItemResult({"bytes": len(page)})
 
 
 def build_page(root: Path, pictures: Pictures) -> str:
@@ -33,17 +48,11 @@ def build_page(root: Path, pictures: Pictures) -> str:
     paths = ScenePaths.load(root, rows)
     robots = robot_rows(ledger)
     quarantine = [r for r in ledger.rows() if r.status == "quarantined"]
-    environment = Environment(
-        loader=PackageLoader("vlnpe.pipeline.report", "."),
-        autoescape=select_autoescape(default_for_string=True, default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    return environment.get_template("page.html.j2").render(
+    return rendered_page(
+        "page.html.j2",
         title=root.name,
-        version=version("vlnpe"),
         robots=sorted({r.robot for r in robots}),
-        colors=paths.colors,
+        colors=paths.robots,
         cards=_cards(rows, robots, quarantine),
         robot_rows=robots,
         shared_paths_note=shared_paths_note(ledger),
@@ -82,13 +91,14 @@ def _cards(
 
 
 def _dataset(name: str, picture: Path, ledger: Ledger) -> dict[str, Any]:
-    strip, made = ledger.row(PICTURES_STAGE, f"strip {name}"), ledger.row("dataset", name)
+    strip = ledger.row(PICTURES_STAGE, f"strip {name}")
+    dataset = ledger.row("dataset", name)
     assert strip is not None  # the picture is one of this stage
     return {
         "name": name,
         "image": jpeg_uri(picture, maximum_width_px=4000),
         "strip": strip.facts,
-        "made": made.facts if made is not None and made.status == "done" else None,
+        "contents": dataset.facts if dataset is not None and dataset.status == "done" else None,
     }
 
 

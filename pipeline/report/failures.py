@@ -5,8 +5,8 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.images import data_uri
 from ..engine.ledger import Row
+from .pictures import embedded_film, film_bytes
 
 # Base64 included. A page of this size still opens at once, and holds about 150 clips.
 CLIPS_BYTES = 16_000_000
@@ -64,10 +64,7 @@ def _figure(row: Row, clip: Path | None, embedded: bool) -> dict[str, Any]:
         "seconds": metrics["duration_s"],
         "file": f"clips/{clip.name}" if clip else "",
     }
-    if clip and embedded:
-        figure["video"] = data_uri(clip.read_bytes(), "video/mp4")
-        figure["poster"] = data_uri(clip.with_suffix(".jpg").read_bytes(), "image/jpeg")
-    return figure
+    return figure | embedded_film(clip) if clip and embedded else figure
 
 
 def _in_turn(rows: Sequence[Row]) -> list[Row]:
@@ -82,9 +79,7 @@ def _within(rows: Sequence[Row], clips: Mapping[str, Path], budget_bytes: int) -
     left, chosen = budget_bytes, set()
     for row in rows:
         if row.item in clips:
-            clip = clips[row.item]
-            size = clip.stat().st_size + clip.with_suffix(".jpg").stat().st_size
-            left -= 4 * -(-size // 3)
+            left -= film_bytes(clips[row.item])
             if left < 0:
                 break
             chosen.add(row.item)

@@ -3,7 +3,7 @@
 import itertools
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,17 @@ from .pictures import jpeg_uri
 REFERENCE, START, GOAL = "#ffffff", "#1a9850", "#2b5fb8"
 BAD = "#d1332b"
 # Distinguishable with every colour vision, on wood and on carpet (after Okabe and Ito, 2008).
-ROBOT_COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
+COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
 MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
+ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
 
 @dataclass(frozen=True)
 class Track:
-    """Where a robot walked: (N, 2) world [m], and how it ended."""
+    """Where a robot walked: (N, 2) world [m], and how it ended; `path` is its `path_name`."""
 
+    path: str
     episode: Episode
     scene: str
     robot: str
@@ -50,21 +52,20 @@ class ScenePaths:
     tracks: tuple[Track, ...]
 
     @property
-    def colors(self) -> dict[str, str]:
-        """Return the line colour of each robot."""
-        robots = sorted({track.robot for track in self.tracks})
-        return dict(zip(robots, itertools.cycle(ROBOT_COLORS), strict=False))
+    def robots(self) -> dict[str, str]:
+        """Return the colour of each robot."""
+        return _colored(sorted({track.robot for track in self.tracks}))
 
     @staticmethod
     def load(root: Path, rows: Sequence[Row]) -> "ScenePaths":
         """Read the rollouts of the replay stage's rows."""
         episodes, tracks = {}, []
         for row in rows:
-            rollout = read_rollout(root / row.outputs[0])
-            episodes[path_name(row)] = rollout.episode
-            xy = rollout.position_world_m[::TRACK_STEP, :2]
-            scene = str(row.facts["scene"])
-            tracks.append(Track(rollout.episode, scene, rollout.robot, xy, str(rollout.end_reason)))
+            rollout, path = read_rollout(root / row.outputs[0]), path_name(row)
+            episodes[path] = rollout.episode
+            xy_m = rollout.position_world_m[::TRACK_STEP, :2]
+            where = (str(row.facts["scene"]), rollout.robot)
+            tracks.append(Track(path, rollout.episode, *where, xy_m, str(rollout.end_reason)))
         return ScenePaths(episodes, tuple(tracks))
 
 
@@ -77,7 +78,7 @@ def path_name(row: Row) -> str:
 
 
 def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
-    """Return template values of one map.
+    """Return template values of one map; each robot has a colour, or each path of a lone robot.
 
     Args:
         name: `<scene>/<level>`.
@@ -86,51 +87,56 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     """
     scene, level = name.rsplit("/", 1)
     mapping = json.loads(picture.with_suffix(".json").read_text())
-    scale = mapping["px_per_m"]
-    origin = np.array([mapping["left_m"], mapping["top_m"]])
+    origin_m, scale = (mapping["left_m"], mapping["top_m"]), mapping["px_per_m"]
 
-    def pixels(xy_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        return (xy_m - origin) * np.array([scale, -scale])
+    def pixels(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return (points_m[..., :2] - origin_m) * (scale, -scale)
 
-    lines, dots, crosses, seen = [], [], [], set()
     tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
     tracks.sort(key=lambda track: track.robot)
+    by_path = {track.path: track.episode for track in tracks}
+    robots, several = paths.robots, len(paths.robots) > 1
+    colors = robots if several else _colored(list(by_path))
     width = max(2.0, 0.06 * scale)
-    labelled = len({track.episode.episode_id for track in tracks}) <= MOST_LABELS
-    numbers = {robot: k for k, robot in enumerate(paths.colors)}
+    lines, crosses = [], []
     for track in tracks:
-        number = numbers[track.robot]
+        number = list(robots).index(track.robot)
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
         walked = pixels(track.xy_m)
         # Where robots walk the same way, the later one's thinner line leaves the others visible.
-        own = 1.6 * width * (1.0 - number / len(numbers))
-        line = _line(walked, paths.colors[track.robot], own, title, False)
-        lines.append({**line, "robot": number})
+        own = 1.6 * width * (1.0 - number / len(robots))
+        color = colors[track.robot if several else track.path]
+        lines.append({**_line(walked, color, own, title), "robot": number})
         if track.end_reason != "success":
             x, y = walked[-1].round(1).tolist()
             size = round(1.6 * width, 1)
             crosses.append({"x": x, "y": y, "r": size, "title": title, "robot": number})
-        if (track.episode.split, track.episode.episode_id) in seen:
-            continue
-        seen.add((track.episode.split, track.episode.episode_id))
-        title = track.episode.episode_id
-        digits = re.search(r"\d+$", title) if labelled else None
+    for episode in by_path.values():
+        title = f"reference of {episode.episode_id}"
+        reference = pixels(episode.reference_path_world_m)
+        lines.append({**_line(reference, REFERENCE, 0.4 * width, title), "dashed": True})
+    labelled = len(by_path) <= MOST_LABELS
+    dots = []
+    for path, episode in by_path.items():
+        digits = re.search(r"\d+$", episode.episode_id) if labelled else None
         label = digits[0].lstrip("0")[-3:] or "0" if digits else ""
-        radius = (3.0 if label else 1.6) * width
-        reference = pixels(track.episode.reference_path_world_m[:, :2])
-        lines.append(_line(reference, REFERENCE, 0.4 * width, f"reference of {title}", True))
-        for point, tint, what in (
-            (track.episode.start_position_world_m, START, "start"),
-            (track.episode.goal_position_world_m, GOAL, "goal"),
+        radius = (2.2 if label else 1.4) * width
+        rim = REFERENCE if several else colors[path]
+        for point_m, fill, end in (
+            (episode.start_position_world_m, START, "start"),
+            (episode.goal_position_world_m, GOAL, "goal"),
         ):
-            x, y = pixels(np.asarray(point)[:2])
+            place = pixels(np.asarray(point_m))
+            x, y = _free_place(place, radius, dots) if label else place
             dots.append(
                 {
                     "x": round(float(x), 1),
                     "y": round(float(y), 1),
                     "r": round(radius, 1),
-                    "color": tint,
-                    "title": f"{what} of {title}",
+                    "from": place.round(1).tolist(),
+                    "color": fill,
+                    "rim": rim,
+                    "title": f"{end} of {episode.episode_id}",
                     "label": label,
                     "size": round(radius * (1.5 if len(label) < 2 else 1.1), 1),
                 }
@@ -148,13 +154,22 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     }
 
 
-def _line(
-    points: NDArray[np.float64], color: str, width: float, title: str, dashed: bool
-) -> dict[str, Any]:
-    return {
-        "points": " ".join(f"{x:.1f},{y:.1f}" for x, y in points),
-        "color": color,
-        "width": round(width, 1),
-        "title": title,
-        "dashed": dashed,
-    }
+def _colored(names: Sequence[str]) -> dict[str, str]:
+    return dict(zip(names, itertools.cycle(COLORS), strict=False))
+
+
+def _free_place(
+    place: NDArray[np.float64], radius: float, dots: Sequence[Mapping[str, Any]]
+) -> NDArray[np.float64]:
+    """Return the place (2,) [px] nearest to a point where a marker covers none of the others."""
+    for away in (0.0, 2.4, 3.6, 4.8):
+        for angle in ANGLES_RAD:
+            moved = place + away * radius * np.array([np.cos(angle), np.sin(angle)])
+            if all(np.hypot(*(moved - (dot["x"], dot["y"]))) > 2.2 * radius for dot in dots):
+                return moved
+    return place
+
+
+def _line(points: NDArray[np.float64], color: str, width: float, title: str) -> dict[str, Any]:
+    text = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+    return {"points": text, "color": color, "width": round(width, 1), "title": title}

@@ -2,15 +2,12 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-
 from ...evaluation.results import COLUMNS, COUNTS, decimals, grouped, summarise
-from ...formats.core.images import data_uri
 from ..engine.ledger import Row
+from .pictures import embedded_film, film_bytes, rendered_page
 
 FILMS_BYTES = 24_000_000  # of all embedded films, base64 included
 # Endings in the page's order, with their titles.
@@ -37,15 +34,9 @@ def policy_page(results: Mapping[str, Any], rows: Sequence[Row], films: Mapping[
         rows: rows of the episodes.
         films: by the rows' items, with the last frame beside each as `.jpg`.
     """
-    environment = Environment(
-        loader=PackageLoader("vlnpe.pipeline.report", "."),
-        autoescape=select_autoescape(default_for_string=True, default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     kinds = Counter(kind_of(row.facts) for row in rows)
-    return environment.get_template("policy.html.j2").render(
-        version=version("vlnpe"),
+    return rendered_page(
+        "policy.html.j2",
         setting=results["setting"],
         columns=[f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items()],
         results=_result_rows(results["episodes"]),
@@ -91,19 +82,11 @@ def _groups(
             if kind_of(row.facts) != kind or row.item not in films:
                 continue
             film = films[row.item]
-            left -= 4 * -(-film.stat().st_size // 3)
-            figures.append(_episode(row) | _embedded(film, left >= 0))
+            left -= film_bytes(film)
+            shown = embedded_film(film) if left >= 0 else {"file": f"films/{film.name}"}
+            figures.append(_episode(row) | shown)
         groups.append({"title": title, "count": kinds[kind], "figures": figures})
     return groups
-
-
-def _embedded(film: Path, fits: bool) -> dict[str, str]:
-    if not fits:
-        return {"file": f"films/{film.name}"}
-    return {
-        "video": data_uri(film.read_bytes(), "video/mp4"),
-        "poster": data_uri(film.with_suffix(".jpg").read_bytes(), "image/jpeg"),
-    }
 
 
 def _episode(row: Row) -> dict[str, Any]:
