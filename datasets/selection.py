@@ -24,7 +24,6 @@ class Selection:
     """Episodes in a fixed order.
 
     Attributes:
-        datasets: where they lie.
         dataset: (N,) which dataset each lies in.
         row: (N,) its row there.
     """

@@ -52,6 +52,14 @@ def _with_examples(
                 lines[number:number] = ["::", ""]
 
 
+def _with_whole_sentences(
+    app: Sphinx, what: str, name: str, value: object, options: object, lines: list[str]
+) -> None:
+    """Keep napoleon from taking a property's sentence up to its first colon for a type."""
+    if what in ("property", "attribute"):
+        lines.insert(0, "")
+
+
 def _with_short_arrays(
     app: Sphinx,
     what: str,
@@ -70,5 +78,6 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Register the hooks with Sphinx."""
     app.connect("source-read", _with_options)
     app.connect("autodoc-process-docstring", _with_examples)
+    app.connect("autodoc-process-docstring", _with_whole_sentences, priority=400)
     app.connect("autodoc-process-signature", _with_short_arrays)
     return {"parallel_read_safe": True}

@@ -37,7 +37,6 @@ class PolicyChooser:
 
     Attributes:
         eye: the robot's camera; images are black without one.
-        kind: kind of actions, see `ACTION_KINDS`.
         waypoints: the number K of waypoints that observations show before the first ones.
     """
 
@@ -79,21 +78,13 @@ class PolicyChooser:
         )
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
-        """Return the policy's action; see `Chooser`. The true pose is kept from the policy.
-
-        Raises:
-            PolicyError: the policy failed, or its answer is no action.
-        """
+        """Return the policy's action; see `Chooser`. The true pose is kept from the policy."""
         action = self._asked(checked_action)
         self._remember(action)
         return action
 
     def next_motion(self, pose: Pose) -> Motion | None:
-        """Return the policy's motion, None for a stop; see `Steerer`.
-
-        Raises:
-            PolicyError: the policy failed, or its answer is no motion.
-        """
+        """Return the policy's motion, None for a stop; see `Steerer`."""
         motion = self._asked(lambda answer: checked_motion(answer, self.kind))
         self._remember(motion)
         return motion

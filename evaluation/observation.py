@@ -81,7 +81,6 @@ class Observation:
     Attributes:
         rgb: (H, W, 3) uint8 sRGB of the robot's own camera.
         depth_m: (H, W) float32 planar z [m], 0 = nothing there.
-        instruction: the text to follow.
         pose: (3,) float64 x, y [m] and yaw [rad] in the frame of the start pose: x forward, y left.
         proprioception: (2 J + 9,) float64 joint positions [rad or m], joint velocities, linear
             velocity [m/s], angular velocity [rad/s] and the direction of gravity, the last three

@@ -89,7 +89,11 @@ def table(groups: Mapping[str, Sequence[Mapping[str, Any]]], width: int = TABLE_
     """
     heads = ["", "episodes", *(f"{name} [{unit}]" for name, (unit, _) in COLUMNS.items())]
     columns = [
-        [label, str(len(episodes)), *(_cell(n, v) for n, v in summarise(episodes).items())]
+        [
+            label,
+            str(len(episodes)),
+            *(cell_text(n, v, "..") for n, v in summarise(episodes).items()),
+        ]
         for label, episodes in groups.items()
     ]
     blocks: list[list[list[str]]] = []
@@ -118,13 +122,14 @@ def decimals(column: str) -> int:
     return 2 if COLUMNS[column][0] == "m" else 1
 
 
-def _cell(column: str, value: Interval) -> str:
+def cell_text(column: str, value: Interval, to: str = " … ") -> str:
+    """Return a mean with its interval as a table shows it; `–` for a mean of nothing."""
     if math.isnan(value.mean):
-        return "-"
+        return "–"
     digits = decimals(column)
     if math.isnan(value.low):
         return f"{value.mean:.{digits}f}"
-    return f"{value.mean:.{digits}f} ({value.low:.{digits}f}..{value.high:.{digits}f})"
+    return f"{value.mean:.{digits}f} ({value.low:.{digits}f}{to}{value.high:.{digits}f})"
 
 
 def results_json(
@@ -157,6 +162,11 @@ def results_json(
 def interval_json(value: Interval) -> dict[str, float | None]:
     """Return mean, low and high; null where there is none."""
     return {k: None if math.isnan(v) else v for k, v in vars(value).items()}
+
+
+def interval_of(value: Mapping[str, float | None]) -> Interval:
+    """Return what `interval_json` was given."""
+    return Interval(**{k: math.nan if v is None else v for k, v in value.items()})
 
 
 def read_results(path: Path) -> dict[str, Any]:
@@ -213,7 +223,6 @@ class Comparison:
     """Two evaluations on the episodes that both have.
 
     Attributes:
-        names: names of the two.
         common: number of episodes that both have.
         apart: number of episodes that only one has.
         lost, won: uids of episodes that only the first, only the second succeeded in.

@@ -21,14 +21,7 @@ from .policy import Policy
 
 @dataclass(frozen=True)
 class Round:
-    """Episodes, and the robot and camera that walk them.
-
-    Attributes:
-        episodes: episodes of any scenes and levels.
-        scenes: folder of the repaired scenes.
-        view: the policy's camera.
-        config: robot, controller and further settings.
-    """
+    """Episodes, and the robot and camera that walk them."""
 
     episodes: tuple[Episode, ...]
     scenes: Path

@@ -111,9 +111,6 @@ def parse(arguments: Sequence[str]) -> tuple[Verb, Any]:
     """Return the command and its options; exit with code 2 on a bad option, with 0 after help.
 
     Only the command that is named gets imported, and none for the list of commands.
-
-    Raises:
-        InputError: There is no such command, or it has no such option or lacks one.
     """
     if arguments and arguments[0] in ("-h", "--help"):
         _overview().print_help()

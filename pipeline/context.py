@@ -38,10 +38,6 @@ def open_context(root: Path, options: Running) -> Iterator[Context]:
         root: Output folder, created if it does not exist; or the URL of one in an object store,
             which is worked on in a scratch folder.
         options: The command's, which say how items are run.
-
-    Raises:
-        InputError: If the folder cannot be used, another process works in it, an option of
-            the executor is invalid, or the only item to run is not among those of the command.
     """
     execution = options.execution()
     if options.only and ":" not in options.only:
@@ -100,7 +96,7 @@ def _opened(
 
 def what_is_kept(root: Path) -> tuple[str, ...]:
     """Return the line for a user whose run has failed: what its folder keeps; none if nothing."""
-    done = Counter(row.stage for row in Ledger(root).rows() if row.status == "done")
+    done = Counter(row.stage for row in Ledger(root).done())
     if not done:
         return ()
     counts = ", ".join(f"{stage} {count}" for stage, count in done.items())
@@ -116,14 +112,6 @@ def open_single(out: Path, workers: int = 0) -> Iterator[Context]:
 
     For commands that run one stage and write the file or folder that the user names. The ledger
     lies beside it, in `.vlnpe/<name>/`, where a stage may also keep files to resume from.
-
-    Args:
-        out: File or folder that the command writes.
-        workers: Number of worker processes; 0 starts one per core.
-
-    Raises:
-        InputError: If nothing can be written beside `out`, another process is writing it, or
-            `workers` is negative.
     """
     execution = Execution(workers=workers)
     parent = open_run_folder(out.parent).root
@@ -137,7 +125,7 @@ def open_single(out: Path, workers: int = 0) -> Iterator[Context]:
             with _working(root, execution) as context:
                 yield context
         except VlnpeError:
-            if new and not any(row.status == "done" for row in Ledger(root).rows()):
+            if new and not Ledger(root).done():
                 shutil.rmtree(root)
                 with contextlib.suppress(OSError):  # not empty: ledgers of other outputs
                     root.parent.rmdir()
@@ -180,13 +168,11 @@ def run_output(context: Context, out: Path, stage: str, item: WorkItem) -> Row:
 
     Args:
         context: As opened by `open_single(out)`.
-        out: File or folder that the item writes.
 
     Returns:
         The item's row; its facts are those of this run or of the earlier one.
 
     Raises:
-        InputError: If the input is at fault.
         StageFailedError: If the item failed for another reason.
     """
     record = context.ledger.root / OUTPUT_NAME

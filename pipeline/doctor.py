@@ -23,9 +23,7 @@ class Finding:
     """One finding about this machine.
 
     Attributes:
-        subject: what was looked at.
         good: it is there and works.
-        seen: what was seen.
         missing_extra: the optional dependencies of the package that would add it.
     """
 

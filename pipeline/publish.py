@@ -42,7 +42,6 @@ class Release:
     """What would be uploaded.
 
     Attributes:
-        repo: `user/name`.
         tag: of the release; it never moves.
         private: of a repository that does not exist yet.
         files: size [bytes] by path in the repository.
@@ -94,12 +93,7 @@ def plan_release(root: Path, repo: str, tag: str | None = None, private: bool = 
     """Plan the release of a dataset without using the network.
 
     Args:
-        repo: `user/name`.
         tag: name of the release; by default one made of the content's digest.
-
-    Raises:
-        InputError: a name the hub does not take.
-        FileFormatError: no whole LeRobot dataset.
     """
     read_info(root)
     if not (root / CARD).is_file():
@@ -153,12 +147,10 @@ def upload(release: Release, hub: Hub = None) -> Upload:
     is left as it is.
 
     Args:
-        release: what `plan_release` returned.
         hub: the hub; huggingface_hub's own client when None, which takes the token from HF_TOKEN or
             from `hf auth login`.
 
     Raises:
-        InputError: the tag exists already, or the hub's client is not installed or offline.
         HubError: the hub refused, or could not be reached.
     """
     hub = hub or _hub()

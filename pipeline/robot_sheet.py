@@ -24,7 +24,6 @@ class RobotSheet:
         mass_kg, height_m: of the whole robot.
         vx_m_s, vy_m_s, yaw_rad_s: lowest and highest command.
         footprint_radius_m: what planners keep free.
-        controllers: that can move it.
         samples, wall_s: its policy's training; None when the card does not say.
         anticipated_ms: the greatest delay that its gait learned to act ahead of; None where it did
             not.

@@ -7,12 +7,12 @@ import shlex
 import sys
 import textwrap
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from ..formats.core.checkout import find_uv
-from .engine.ledger import Ledger, Row
+from .engine.ledger import Ledger
 from .engine.run_folder import RunFolder
 from .execution.runner import StageSummary
 from .inputs.crews import robot_of_run
@@ -98,6 +98,16 @@ def _walked_too(crew: LeftOut, options: Collect, root: Path) -> str:
     return command_line(replace(options, **who, **timing))
 
 
+def print_stages(options: Any, summaries: Sequence[StageSummary], text: str, **facts: Any) -> int:
+    """Print the table of stages above a text, or one JSON object; return the exit code."""
+    quarantined = sum(summary.quarantined for summary in summaries)
+    code = int(failed or quarantined > options.max_failed)
+    stages = {summary.stage: summary.counts() for summary in joined(summaries)}
+    counts = {"stages": stages, "quarantined": quarantined, "exit_code": code}
+    print_result(options, facts | counts, f"\n{stage_table(summaries)}\n\n{text}")
+    return code
+
+
 def joined(summaries: Sequence[StageSummary]) -> list[StageSummary]:
     """Return one summary per stage, over all robots, in the order they ran."""
     stages: dict[str, StageSummary] = {}
@@ -168,9 +178,9 @@ def _number(value: float | None, width: int, digits: int) -> str:
 
 def looking_commands(ledger: Ledger, page: Path) -> str:
     """Return the commands that show the result: LeRobot's viewer, Foxglove, the report."""
-    datasets = [ledger.root / row.outputs[0] for row in _done(ledger, "dataset")]
+    datasets = [ledger.root / row.outputs[0] for row in ledger.done("dataset")]
     episodes: dict[Path, list[Path]] = {}  # by dataset
-    for row in _done(ledger, "mcap"):
+    for row in ledger.done("mcap"):
         file = ledger.root / row.outputs[0]
         episodes.setdefault(file.parent, []).append(file)
     uvx = f"{find_uv('uvx') or 'uvx'} --python {shlex.quote(sys.executable)}"
@@ -200,10 +210,6 @@ def has_display() -> bool:
     return sys.platform != "linux" or any(os.environ.get(name) for name in displays)
 
 
-def _done(ledger: Ledger, stage: str) -> list[Row]:
-    return [row for row in ledger.rows(stage) if row.status == "done"]
-
-
 def _listed(name: str, commands: Sequence[str]) -> list[str]:
     """Return commands below each other, the first after a name; of very many the first ones."""
     shown = [f"  {name if k == 0 else '':<10}{command}" for k, command in enumerate(commands)]
@@ -213,6 +219,6 @@ def _listed(name: str, commands: Sequence[str]) -> list[str]:
 
 def print_result(options: Any, facts: dict[str, Any], text: str) -> int:
     """Print `text` or, with `--json`, one JSON object; return 0."""
-    value = {**{k: str(v) for k, v in asdict(options).items() if k == "out"}, **facts}
-    sys.stdout.write((json.dumps(value) if options.json else text) + "\n")
+    out = {"out": str(path)} if (path := getattr(options, "out", None)) is not None else {}
+    sys.stdout.write((json.dumps(out | facts) if options.json else text) + "\n")
     return 0

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.frames import wrap_angle
+from ..formats.core.frames import Array, wrap_angle
 from ..formats.core.geometry import path_length
 from ..wayfinding.crossings import Crossing, crossings
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
@@ -16,8 +16,6 @@ from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify
 from .config import ALONG_PATH, FRECHET, SampleConfig
 from .level import Level
 from .similarity import PathIndex, stations
-
-Array = NDArray[np.float64]
 
 LENGTH_BIN_M = 2.0
 
@@ -96,12 +94,7 @@ def from_one_start(
     as many doors as few kept paths have passed are taken, in a room that few go to from here.
 
     Args:
-        level: the level to draw on.
-        kept: this level's kept paths.
-        split: what the path is for.
         gap_m: least distance from every other path [m].
-        config: what to sample.
-        rng: the source of randomness.
     """
     left = Counter(from_room for from_room, _ in kept.visits.elements())
     room = _least(np.unique(level.rooms), left, rng)

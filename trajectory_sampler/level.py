@@ -23,9 +23,6 @@ class Level:
     """A level, prepared for sampling.
 
     Attributes:
-        index: of the level.
-        freemap: its planning map.
-        regions: its rooms.
         cells: (N, 2) cells where an episode may start or end.
         cells_m: (N, 2) their centres [m].
         rooms: (N,) room index of each of them.

@@ -13,7 +13,6 @@ class Preset:
     """A published set's sizes.
 
     Attributes:
-        splits: paths by split.
         instructions: per path.
         scenes: how many are needed.
         seen: how many of them are for training.
@@ -35,30 +34,18 @@ PRESETS: dict[str, Preset] = {
 
 
 def get_preset(name: str) -> Preset:
-    """Return the preset of a name.
-
-    Raises:
-        UnknownNameError: there is no such preset.
-    """
+    """Return the preset of a name."""
     check_name("preset", name, PRESETS)
     return PRESETS[name]
 
 
 def parse_splits(text: str) -> dict[str, int]:
-    """Return `train=40,val_seen=10` → paths by split.
-
-    Raises:
-        InputError: the text has another form.
-    """
+    """Return `train=40,val_seen=10` → paths by split."""
     return _parse_counts(text, "splits", "train=147,val_seen=37,val_unseen=429")
 
 
 def parse_quotas(text: str) -> dict[str, int]:
-    """Return `home_1=40,home_2=80` → paths by scene; "" → none.
-
-    Raises:
-        InputError: the text has another form.
-    """
+    """Return `home_1=40,home_2=80` → paths by scene; "" → none."""
     return _parse_counts(text, "quotas", "home_1=40,home_2=80") if text else {}
 
 
@@ -73,13 +60,9 @@ def choose_seen(
     """Return the scenes of training.
 
     Args:
-        splits: paths by split.
         scenes: all scenes, in the user's order.
         count: how many to take; 0 takes as many as the splits' sizes ask for.
         named: the scenes themselves, if the user names them.
-
-    Raises:
-        InputError: a name that is no scene, or too few scenes for both kinds of split.
     """
     seen = sum(n for split, n in splits.items() if is_seen(split))
     unseen = sum(splits.values()) - seen
@@ -111,16 +94,11 @@ def plan_quotas(
     """Spread the paths of each split over its scenes, as evenly as whole numbers allow.
 
     Args:
-        splits: paths by split.
-        scenes: all scenes.
         seen: the scenes of training; `val_seen` shares them, `val_unseen` has the others.
         fixed: total paths of single scenes; the other scenes share what is left.
 
     Returns:
         Paths by split, by scene; scenes and splits without any are left out.
-
-    Raises:
-        InputError: `fixed` names a scene that is not there, or leaves paths without a scene.
     """
     fixed = dict(fixed or {})
     for scene in fixed:

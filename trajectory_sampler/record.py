@@ -3,11 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from ..formats.core.episode import Episode
-from ..formats.core.frames import wrap_angle
+from ..formats.core.frames import Array, wrap_angle
 from ..formats.core.geometry import path_length, point_along
 from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
@@ -18,8 +17,6 @@ from .config import ALONG_PATH, SampleConfig
 from .ideal import ideal_actions
 from .similarity import PathIndex, stations
 from .view import start_heading
-
-Array = NDArray[np.float64]
 
 WAYPOINT_M = 0.25
 

@@ -76,9 +76,6 @@ def sample_episodes(
     larger count are those of a smaller one.
 
     Args:
-        bundle: the repaired scene.
-        config: what is wanted.
-        rng: the only source of randomness.
         quotas: paths by split; by default `config.count` of `config.split`.
         avoid: episodes of this scene that new paths keep away from, as from those of another split.
 

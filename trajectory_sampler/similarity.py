@@ -5,13 +5,12 @@ from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formats.core.frames import Array
 from ..formats.core.geometry import path_length, point_along
 from ..formats.core.kernel import kernel
 from .config import DTW, FRECHET
-
-Array = NDArray[np.float64]
 
 STATION_M = 0.25
 

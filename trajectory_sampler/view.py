@@ -4,21 +4,19 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..formats.core.camera import CameraModel
-from ..formats.core.frames import look_at
+from ..formats.core.frames import Array, look_at
 from ..formats.core.geometry import arc_length, path_length, point_along
 from ..formats.scene.bundle import SceneBundle
 from ..geometry.rays.packets import PacketScene
-
-Array = NDArray[np.float64]
 
 # Cameras of a quadruped, of a wheeled robot or small humanoid, and of a tall humanoid, all of which
 # must see, since paths serve all robots: height above the floor and distance ahead of the robot's
 # centre [m], pitch below the horizon [deg].
 CAMERAS = ((0.45, 0.37, 8.0), (1.25, 0.1, 0.0), (1.6, 0.12, 15.0))
 _MODEL = CameraModel("end", 24, 24, 90.0)
+_RAYS = _MODEL.pixel_rays()
 _MIDDLE = slice(8, 16)
 _FAR_M = 20.0
 _GOAL_M, _START_M = 0.4, 0.75  # headings at goal and start are the path's over this length
@@ -92,7 +90,7 @@ class SceneView:
         pitch = np.deg2rad(pitch_deg)
         ahead = np.array([np.cos(yaw_rad), np.sin(yaw_rad), -np.tan(pitch)])
         lens = floor_m + forward_m * ahead * (1, 1, 0) + np.array([0.0, 0.0, height_m])
-        directions = (_MODEL.pixel_rays() @ look_at(lens, lens + ahead).T).reshape(-1, 3)
+        directions = (_RAYS @ look_at(lens, lens + ahead).T).reshape(-1, 3)
         far = np.full(len(directions), _FAR_M, dtype=np.float32)
         origins = np.broadcast_to(lens, directions.shape)
         depth = rays.trace(origins=origins, directions=directions, far=far).depth

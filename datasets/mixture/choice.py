@@ -43,7 +43,6 @@ class DatasetRow:
 
     Attributes:
         root: its folder.
-        robot: whose.
         episodes, frames: taken.
         dropped: episodes left out, by reason.
     """

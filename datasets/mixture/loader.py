@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import torch
-from torch.utils.data import DataLoader, Dataset, default_collate
+from torch.utils.data import BatchSampler, DataLoader, Dataset, default_collate
 
 from ...formats.core.errors import InputError
 from .sampler import MixtureSampler
@@ -80,7 +80,7 @@ class MixtureLoader:
             options = {"multiprocessing_context": "spawn", "worker_init_fn": _one_thread}
         batches = DataLoader(
             self._data,  # type: ignore[arg-type]  # its indices are pairs
-            batch_sampler=_Batches(self._sampler, self._batch_size),
+            batch_sampler=BatchSampler(self._sampler, self._batch_size, drop_last=False),
             num_workers=self._workers,
             collate_fn=self._collate,
             generator=torch.Generator(),  # else it would draw from the caller's
@@ -102,23 +102,6 @@ class MixtureLoader:
         """
         self._sampler.load_state_dict(state)
         self._given = self._sampler.drawn
-
-
-class _Batches:
-    """Lists of draws."""
-
-    def __init__(self, sampler: MixtureSampler, size: int):
-        self._sampler, self._size = sampler, size
-
-    def __iter__(self) -> Iterator[list[tuple[int, int]]]:
-        batch = []
-        for pair in self._sampler:
-            batch.append(pair)
-            if len(batch) == self._size:
-                yield batch
-                batch = []
-        if batch:
-            yield batch
 
 
 def _one_thread(_worker: int) -> None:

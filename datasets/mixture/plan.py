@@ -16,7 +16,6 @@ class SourcePlan:
     """The episodes that a source contributes to a mixture.
 
     Attributes:
-        name: name of the source.
         weight: weight in the mixture.
         share: share of the draws, 0 … 1.
         selection: the episodes.
@@ -35,7 +34,6 @@ class MixturePlan:
     """The episodes and shares of a mixture.
 
     Attributes:
-        name: name of the mixture.
         sources: in the recipe's order.
         unit: what a draw is: `episodes` or `frames`.
     """
@@ -70,9 +68,6 @@ def plan_mixture(
     """Find a mixture's episodes.
 
     Args:
-        recipe: names it.
-        name: name of the mixture.
-        library: where to look.
         unit: what a draw is: `episodes` or `frames`.
         held_out: trajectories (`scene/trajectory`) that no source may take.
 

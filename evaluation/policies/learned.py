@@ -28,11 +28,7 @@ class LearnedPolicy:
         return cls(load_checkpoint(path), choice)
 
     def reset(self, assignment: Assignment) -> None:
-        """See `Policy.reset`.
-
-        Raises:
-            PolicyError: other actions than discrete ones are asked for.
-        """
+        """See `Policy.reset`."""
         if assignment.actions != DISCRETE:
             raise PolicyError(f"actions {assignment.actions}; a learned policy has: {DISCRETE}")
         name = f"{assignment.scene_id}/{assignment.episode_id}"

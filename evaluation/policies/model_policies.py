@@ -14,11 +14,7 @@ _LABELLED = (MAP_VLM, MAP_VLM_LLM)
 
 
 def make_model_policy(name: str, use: ModelUse) -> Policy:
-    """Return a policy by name; nothing is sent yet.
-
-    Raises:
-        InputError: the environment does not say where the model is.
-    """
+    """Return a policy by name; nothing is sent yet."""
     settings = model_settings(name, use)
     text = None
     if name in _TEXT_PROMPTS:
@@ -30,11 +26,7 @@ def make_model_policy(name: str, use: ModelUse) -> Policy:
 
 
 def model_identity(name: str, use: ModelUse) -> str:
-    """Return a text that identifies a policy's model and prompts, for reusing results.
-
-    Raises:
-        InputError: the environment does not say where the model is, or a limit is invalid.
-    """
+    """Return a text that identifies a policy's model and prompts, for reusing results."""
     settings = model_settings(name, use)
     parts = [name]
     if name in _TEXT_PROMPTS:

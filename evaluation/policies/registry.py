@@ -99,9 +99,6 @@ class PolicyChoice:
     def make(self, seed: int) -> Policy:
         """Return the policy, or a client of its server.
 
-        Args:
-            seed: seed of policies that draw.
-
         Raises:
             InputError: it is the oracle, which is no policy, the server's libraries are missing, or
                 the environment does not say where the model is.

@@ -32,7 +32,6 @@ class RemotePolicy:
 
         Args:
             url: `ws://host:port`.
-            timeout_s: how long it may take for one answer.
         """
         self.url, self._timeout_s = url, timeout_s
         self._connection: Any = None
@@ -41,22 +40,14 @@ class RemotePolicy:
         self.said: list[str] = []
 
     def reset(self, assignment: Assignment) -> None:
-        """Begin an episode; connect first if there is no connection.
-
-        Raises:
-            PolicyError: the server cannot be reached, speaks another protocol, or fails.
-        """
+        """Begin an episode; connect first if there is no connection."""
         if self._connection is None:
             self.connect()
         self.said = []
         self._ask({"type": "reset", "episode": asdict(assignment)})
 
     def act(self, observation: Observation) -> Any:
-        """Return the server's action.
-
-        Raises:
-            PolicyError: the server fails, answers late, or not at all.
-        """
+        """Return the server's action."""
         answer = self._ask({"type": "act", "observation": observation.to_dict()})
         if "action" not in answer:
             self._fail(f"answered without an action: {sorted(map(str, answer))!s:.500}")

@@ -50,9 +50,6 @@ def measure(
     """Train and walk; yield the result of each row, test and seed.
 
     Seeds come last, so that an interrupted run has whole tables of fewer seeds.
-
-    Raises:
-        VlnpeError: a training or an evaluation failed; what was finished before stays.
     """
     folder = _write_episodes(ablation, options.out)
     rows = {n: r for n, r in ablation.comparison.rows.items() if n not in ablation.missing}
@@ -90,9 +87,6 @@ def train(ablation: Ablation, row: str, seed: int, out: Path) -> Path:
     """Train a row with a seed unless that is done; return its checkpoint.
 
     Rows that are trained in the same way share their trainings.
-
-    Raises:
-        VlnpeError: the training failed.
     """
     training = ablation.trainings[row]
     config = training.planned.config

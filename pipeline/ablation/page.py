@@ -1,21 +1,19 @@
 """An ablation as a page: answers, table, and the rates as a figure."""
 
-import io
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from ...datasets.mixture.comparison import METRICS
-from ...evaluation.results import COLUMNS, decimals
-from ...evaluation.statistics import LEAST_PATHS, Interval
+from ...evaluation.results import COLUMNS, cell_text, decimals
+from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import write_bytes
 from ...formats.core.images import data_uri
 from .results import Judgement, interval, judge
 
 REPORT, FIGURE, PAGE = "report.md", "rates.svg", "report.html"
 SENTENCES = 3  # claims that are answered in sentences; more become a table
-COLOURS = ("#2b5fb8", "#c8611a", "#2e8b57", "#7b4aa8", "#a83250", "#5c6770")
 _STYLE = (
     "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
     ".wide{overflow-x:auto}table{border-collapse:collapse}"
@@ -132,20 +130,14 @@ def _table(value: Mapping[str, Any]) -> str:
     for row in value["rows"]:
         if row["seeds"]:
             count = row["training"]["episodes"] if "training" in row else "–"
-            cells = [_cell(name, interval(value, row, name)) for name in METRICS]
+            means = [interval(value, row, name) for name in METRICS]
+            cells = [
+                "–" if mean is None else cell_text(name, mean)
+                for name, mean in zip(METRICS, means, strict=True)
+            ]
             head = f"| {row['label']} | {count} | {len(row['seeds'])} | "
             lines.append(f"{head}{' | '.join(cells)} |")
     return "\n".join(lines)
-
-
-def _cell(column: str, mean: Interval | None) -> str:
-    if mean is None or math.isnan(mean.mean):
-        return "–"
-    digits = decimals(column)
-    text = f"{mean.mean:.{digits}f}"
-    return (
-        text if math.isnan(mean.low) else f"{text} ({mean.low:.{digits}f} … {mean.high:.{digits}f})"
-    )
 
 
 def _doubts(value: Mapping[str, Any]) -> list[str]:
@@ -163,30 +155,16 @@ def _doubts(value: Mapping[str, Any]) -> list[str]:
 
 def figure_svg(value: Mapping[str, Any]) -> bytes:
     """Return SR with its interval for every measured row as an SVG file."""
-    import matplotlib
-    from matplotlib.figure import Figure
+    from ..report.plots import COLORS, horizontal_axes, svg
 
     rows = [(row, interval(value, row, "SR")) for row in value["rows"]]
     rows = [(row, mean) for row, mean in rows if mean is not None]
     tests = list(dict.fromkeys(row["test"] for row, _ in rows))
-    style: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "vlnpe", "font.size": 9}
-    with matplotlib.rc_context(style):
-        figure = Figure(figsize=(7.6, 0.24 * len(rows) + 0.9), facecolor="white")
-        axis = figure.subplots()
-        for height, (row, mean) in enumerate(rows):
-            ends = [[max(mean.mean - mean.low, 0.0)], [max(mean.high - mean.mean, 0.0)]]
-            colour = COLOURS[tests.index(row["test"]) % len(COLOURS)]
-            axis.errorbar(
-                mean.mean, height, xerr=ends, fmt="o", color=colour, capsize=3, markersize=4.5
-            )
-        axis.set_yticks(range(len(rows)), [row["label"] for row, _ in rows])
-        axis.set_ylim(len(rows) - 0.5, -0.5)
-        axis.set_xlim(0, None)
-        axis.set_xlabel("SR [%]")
-        axis.grid(axis="x", color="#eee")
-        axis.set_axisbelow(True)
-        axis.spines[["top", "right"]].set_visible(False)
-        figure.tight_layout()
-        stream = io.BytesIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-    return stream.getvalue()
+    figure, axis = horizontal_axes(0.24 * len(rows) + 0.9)
+    for height, (row, mean) in enumerate(rows):
+        ends = [[max(mean.mean - mean.low, 0.0)], [max(mean.high - mean.mean, 0.0)]]
+        color = COLORS[tests.index(row["test"]) % len(COLORS)]
+        axis.errorbar(mean.mean, height, xerr=ends, fmt="o", color=color, capsize=3, markersize=4.5)
+    axis.set_yticks(range(len(rows)), [row["label"] for row, _ in rows])
+    axis.set(ylim=(len(rows) - 0.5, -0.5), xlim=(0, None), xlabel="SR [%]")
+    return svg(figure)

@@ -45,7 +45,6 @@ class Ablation:
         missing: why other rows cannot be measured, by row.
         holdout: what no row is trained on.
         episodes: what every policy walks.
-        scenes: folder of their scenes.
         seeds: of the trainings, and of policies that draw.
     """
 
@@ -60,13 +59,7 @@ class Ablation:
 
 
 def plan_ablation(options: Ablate, recipe: Recipe, recipe_sha256: str) -> Ablation:
-    """Choose the data of every row and the held-out episodes.
-
-    Raises:
-        NoEpisodesError: no row has data.
-        InputError: the recipe compares nothing, a name or setting is not valid, or no episode is
-            held out.
-    """
+    """Choose the data of every row and the held-out episodes."""
     comparison = _comparison(options, recipe)
     settings = {
         name: value for name in ("seeds", "device") if (value := getattr(options, name)) is not None

@@ -37,7 +37,6 @@ def results_json(
     """Return the content of the results file.
 
     Args:
-        ablation: what is measured.
         cells: what has been measured so far, by row, test and seed.
     """
     comparison = ablation.comparison
@@ -99,11 +98,7 @@ def write_results(out: Path, value: Mapping[str, Any]) -> None:
 
 
 def read_results(path: Path) -> dict[str, Any]:
-    """Read the results file of an ablation.
-
-    Raises:
-        FileFormatError: it is none.
-    """
+    """Read the results file of an ablation."""
     try:
         value = json.loads(path.read_text())
     except (OSError, ValueError) as error:

@@ -73,14 +73,9 @@ def sampled(
     """Sample paths in every scene and instruct them.
 
     Args:
-        run: where.
-        scenes: rows of the repair stage by scene id.
         quotas: paths by split, by scene. Without them, every scene gives the count of
             `config`.
         exact: the quotas must be filled.
-
-    Raises:
-        InputError: a scene cannot hold its share.
     """
     folder = run.folder
     planned = {s: row for s, row in scenes.items() if quotas is None or s in quotas}
@@ -111,14 +106,7 @@ def aligned(
     rules: StairRules,
     config: AlignConfig,
 ) -> list[Episode]:
-    """Filter and align the episodes of VLN-CE files; instruct those that have no words.
-
-    Args:
-        run: where.
-        sources: one file per split.
-        scenes: rows of the repair stage by scene id.
-        config: tolerances, and the footprint of the widest robot.
-    """
+    """Filter and align the episodes of VLN-CE files; instruct those that have no words."""
     folder, ledger = run.folder, run.context.ledger
     filtered_files = {s: folder.episodes(f"filtered/{s.name.split('.')[0]}") for s in sources}
     run.unselect(episodes.STAGE)

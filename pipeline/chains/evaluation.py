@@ -42,13 +42,7 @@ FRAMES_PER_SECOND = 4  # of images in MCAP files: one per action in VLN-PE's tim
 
 @dataclass(frozen=True)
 class Evaluation:
-    """A finished evaluation.
-
-    Attributes:
-        out: its folder.
-        scenes: folder of the repaired scenes.
-        results: content of its results file.
-    """
+    """A finished evaluation."""
 
     out: Path
     scenes: Path
@@ -56,11 +50,7 @@ class Evaluation:
 
 
 def evaluate_policy(options: Evaluate) -> Evaluation:
-    """Evaluate a policy and write its results; walks that are done already are reused.
-
-    Raises:
-        InputError: If a name is unknown, or a file or folder cannot be used.
-    """
+    """Evaluate a policy and write its results; walks that are done already are reused."""
     policy = resolve_policy(options.policy, options.timeout_s)
     maps = policy.name in MAPS and options.actions == WAYPOINTS
     if options.actions != DISCRETE and not (policy.is_server or maps):
@@ -150,12 +140,7 @@ def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, V
     """Return the robot, the controller and the camera that a policy is tested with.
 
     Args:
-        options: The command's.
         card: Of a learned policy, whose default camera is that of its training data.
-
-    Raises:
-        InputError: If a name is unknown, or robot, controller, camera and light do not suit each
-            other.
     """
     robots = chosen_robots(options.robot)
     if len(robots) != 1:

@@ -42,7 +42,6 @@ class Product:
 
     Attributes:
         only_success: leave failures out of the export; they are rendered in any case.
-        rgb_codec: key of `formats.video.RGB_CODECS`.
         depth_storage: what `export.check_depth_storage` takes.
         also: layouts of trainers, keys of `LAYOUTS`.
         language: Give datasets LeRobot's language column.
@@ -98,15 +97,7 @@ def collect(
     product: Product,
     facts: Mapping[str, Any],
 ) -> None:
-    """Replay the episodes with one crew; render and export each view.
-
-    Args:
-        run: where.
-        scenes: rows of the repair stage by scene id.
-        crew: robot and controller.
-        views: what to render.
-        facts: options for the provenance.
-    """
+    """Replay the episodes with one crew; render and export each view."""
     folder, robot = run.folder, crew[0]
     walker = _walker(run, crew)
     label = replay.label_of(run.context.ledger, walker.config)

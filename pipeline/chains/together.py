@@ -35,8 +35,6 @@ def run(
         walks: Items of the replay stage, one of each episode.
         renders: Returns the items of the render stage, one of each row of the replay stage.
         exports: Returns the items that rows of the render stage give, by stage.
-        only_success: Export no failures.
-        label: Follows the name of the progress bar.
     """
     chains: dict[str, list[Link]] = {}
     rollouts: dict[str, Row] = {}

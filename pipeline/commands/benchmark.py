@@ -2,9 +2,7 @@
 
 import contextlib
 import io
-import json
 import platform
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,13 +10,14 @@ from typing import Any
 
 from ...collectors.controllers import CONTROLLERS, valid_controllers
 from ...evaluation.policies.registry import resolve_policy
-from ...evaluation.results import COLUMNS, decimals, read_results
+from ...evaluation.results import COLUMNS, cell_text, interval_of
 from ...evaluation.rounds import spread
 from ...formats.core.atomic import atomic_file, write_json
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
+from ..chains.evaluation import evaluate_policy
 from ..context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
@@ -28,8 +27,8 @@ from ..options.collect import Collect
 from ..options.evaluate import Evaluate
 from ..provenance import versions
 from ..stages.evaluation.job import EvaluateJob
+from ..summary import print_result
 from . import collect
-from .evaluate import run_evaluate
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"
 
@@ -49,11 +48,7 @@ class Cell:
 
 
 def run(options: Benchmark) -> int:
-    """Evaluate every cell and write the table; return the exit code.
-
-    Raises:
-        InputError: A name is unknown, or the episodes cannot be found or made.
-    """
+    """Evaluate every cell and write the table; return the exit code."""
     cells = _cells(options)
     published = SETS.get(str(options.episodes))
     folder = options.out or Path("runs") / options.episodes if published else options.episodes
@@ -70,8 +65,8 @@ def run(options: Benchmark) -> int:
     code, results = 0, {}
     value: dict[str, Any] = {}
     for cell in cells:
-        code |= _evaluate(cell, options, folder, chosen)
-        results[cell] = read_results(folder / FOLDER / cell.name)
+        results[cell] = _evaluate(cell, options, folder, chosen)
+        code |= len(results[cell]["quarantined"]) > options.max_failed
         value = _value(options, published, evaluated, splits, results)
         # After each cell, so that an interrupted run keeps what it measured.
         write_json(folder / FOLDER / RESULT_NAME, value)
@@ -81,11 +76,10 @@ def run(options: Benchmark) -> int:
         with open_context(folder, options) as context:
             outputs = (chosen, folder / FOLDER / RESULT_NAME, folder / FOLDER / PAGE_NAME)
             context.ledger.record(outputs)
-    if options.json:
-        sys.stdout.write(json.dumps(value) + "\n")
-    else:
-        sys.stdout.write(f"\n{_page(value)}\nresults: {folder / FOLDER / RESULT_NAME}\n")
-    return code
+    out = {"out": str(folder)}
+    text = f"\n{_page(value)}\nresults: {folder / FOLDER / RESULT_NAME}"
+    print_result(options, value | out, text)
+    return int(code)
 
 
 def _cells(options: Benchmark) -> list[Cell]:
@@ -144,7 +138,7 @@ def _splits(
     return {split: found[split] for split in split_names}
 
 
-def _evaluate(cell: Cell, options: Benchmark, folder: Path, chosen: Path) -> int:
+def _evaluate(cell: Cell, options: Benchmark, folder: Path, chosen: Path) -> dict[str, Any]:
     settings = Evaluate(
         episodes=chosen,
         scenes=folder / "scenes",
@@ -154,11 +148,9 @@ def _evaluate(cell: Cell, options: Benchmark, folder: Path, chosen: Path) -> int
         camera=options.camera,
         seed=options.seed,
         out=folder / FOLDER / cell.name,
-        json=True,
         **vars(options.execution()),
     )
-    with contextlib.redirect_stdout(io.StringIO()):
-        return run_evaluate(settings)
+    return evaluate_policy(settings).results
 
 
 def _value(
@@ -219,22 +211,14 @@ def _page(value: dict[str, Any]) -> str:
         "| --- | --- | --- | ---: |" + " ---: |" * (len(COLUMNS) - 1),
     ]
     for cell in value["cells"]:
-        shown = [_number(name, cell["summary"][name]) for name in COLUMNS if name != "time"]
+        means = {name: interval_of(cell["summary"][name]) for name in COLUMNS if name != "time"}
+        shown = [cell_text(name, mean) for name, mean in means.items()]
         count = str(cell["count"])
         if cell["quarantined"]:
             count += f" ({cell['quarantined']} without a result)"
         row = [cell["controller"], cell["robot"], Path(cell["policy"]).stem, count, *shown]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines) + "\n"
-
-
-def _number(column: str, value: dict[str, float | None]) -> str:
-    digits = decimals(column)
-    if value["mean"] is None:
-        return "–"
-    if value["low"] is None:
-        return f"{value['mean']:.{digits}f}"
-    return f"{value['mean']:.{digits}f} ({value['low']:.{digits}f}–{value['high']:.{digits}f})"
 
 
 def _names(text: str) -> Sequence[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.checker import Ground, Verdict, check_text
 from ...instruction_gen.facts import path_facts
@@ -20,6 +20,7 @@ from ..stages.instructions.instruct_job import read_sights
 from ..summary import print_result
 
 LONGEST_LINE = 100_000  # characters
+FORM = '{"path": trajectory id, "text": …, "claims": […]}, claims are optional'
 
 
 def run(options: CheckText) -> int:
@@ -81,22 +82,26 @@ def read_texts(file: Path) -> Iterator[tuple[str, str, tuple[Step, ...]]]:
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise FileFormatError(file, f"cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or "not UTF-8"
+        raise FileFormatError(file, f"{reason}; valid: on each line {FORM}") from error
     for number, line in enumerate(lines, start=1):
         if not line.strip():
             continue
         try:
             yield _read_line(line)
-        except (InputError, ValueError, RecursionError) as error:
+        except InputError as error:
             raise FileFormatError(file, f"line {number}: {error}") from error
 
 
 def _read_line(line: str) -> tuple[str, str, tuple[Step, ...]]:
     if len(line) > LONGEST_LINE:
         raise InputError(f"{len(line)} characters; at most {LONGEST_LINE}")
-    value = json.loads(line)
+    try:
+        value = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise InputError(f"{brief(line)} is not JSON; valid: {FORM}") from error
     if not isinstance(value, dict) or set(value) - {"path", "text", "claims"}:
-        raise InputError(f"{line!r:.80}; valid: an object with the keys path, text and claims")
+        raise InputError(f"{line!r:.80}; valid: {FORM}")
     for key in ("path", "text"):
         if not isinstance(value.get(key), str):
             raise InputError(f"{key} is {value.get(key)!r:.40}; valid: a text")

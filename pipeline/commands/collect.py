@@ -23,7 +23,6 @@ from ..chains.run import Run
 from ..context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
-from ..execution.runner import StageSummary
 from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
 from ..inputs.folders import find_scans
@@ -36,15 +35,11 @@ from ..stages.datasets.export_items import check_depth_storage
 from ..stages.episodes import align_items as align
 from ..stages.instructions import sight_items as sight
 from ..stages.scenes import items as repair
-from ..summary import joined, print_result, show_summary, stage_table
+from ..summary import print_stages, show_summary
 
 
 def run(options: Collect) -> int:
-    """Run the pipeline and return the exit code.
-
-    Raises:
-        InputError: If an option is invalid; checked before anything is written.
-    """
+    """Run the pipeline and return the exit code."""
     robots = chosen_robots(options.robot)
     pairs = crews(robots, options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
@@ -102,7 +97,8 @@ def run(options: Collect) -> int:
             quotas, exact = (plan.quotas, plan.exact) if plan else (None, True)
             paths = episodes.sampled(current, wording, sampling, scenes, quotas, exact=exact)
         if options.only_episodes:
-            return _print_episodes(options, folder, current.summaries)
+            text = f"episodes: {folder.root / 'episodes'}"
+            return print_stages(options, current.summaries, text, out=str(folder.root))
         select_current(current, paths, scenes, pairs)
         for robot, controller in pairs:
             collect(
@@ -146,26 +142,12 @@ def _also(text: str) -> tuple[str, ...]:
     return names
 
 
-def _print_episodes(options: Collect, folder: RunFolder, summaries: Sequence[StageSummary]) -> int:
-    quarantined = sum(summary.quarantined for summary in summaries)
-    facts = {
-        "out": str(folder.root),
-        "stages": {s.stage: s.counts() for s in joined(summaries)},
-        "quarantined": quarantined,
-    }
-    print_result(
-        options, facts, f"\n{stage_table(summaries)}\n\nepisodes: {folder.root / 'episodes'}"
-    )
-    return int(quarantined > options.max_failed)
-
-
 def _eye(ledger: Ledger) -> RobotSpec | None:
     """Return the robot whose camera an earlier run of this folder looked with, if any.
 
     Robots that join later walk the same episodes with the same instructions.
     """
-    rows = (row for row in ledger.rows(sight.STAGE) if row.status == "done")
-    names = (str(row.facts["robot"]) for row in rows if "robot" in row.facts)
+    names = (str(row.facts["robot"]) for row in ledger.done(sight.STAGE) if "robot" in row.facts)
     return next((robot_of_run(Path(name).name, ledger.root) for name in names), None)
 
 

@@ -11,15 +11,11 @@ from ..options.convert import Convert, Restore
 from ..stages.convert import items as convert
 from ..stages.convert import source as convert_source
 from ..stages.convert.layout_items import check_balance, histograms
-from ..summary import joined, print_result, stage_table
+from ..summary import print_result, print_stages
 
 
 def run_convert(options: Convert) -> int:
-    """Convert all episodes of a source.
-
-    Raises:
-        InputError: If the source cannot be used, or an option is invalid.
-    """
+    """Convert all episodes of a source."""
     chosen, target = _options(options), options.to
     check_name("format", target, (*convert_source.Kind, *LAYOUTS))
     check_balance(target, options.balance)
@@ -38,28 +34,16 @@ def run_convert(options: Convert) -> int:
             done, paths = convert.run(context, source, target, chosen, options.balance)
             summaries += done
             written += paths
-    quarantined = sum(s.quarantined for s in summaries)
-    code = int(quarantined > options.max_failed or not written)
-    facts = {
-        "written": [str(path) for path in written],
-        "stages": {s.stage: s.counts() for s in joined(summaries)},
-        "exit_code": code,
-    }
-    lines = [f"\n{stage_table(summaries)}", *histograms(summaries), ""]
-    lines += [f"written to {path}" for path in written]
-    if quarantined:
+    lines = [*histograms(summaries), *(f"written to {path}" for path in written)]
+    if quarantined := sum(summary.quarantined for summary in summaries):
         reasons = options.out / "quarantine.json"
         lines.append(f"{quarantined} items were quarantined; see {reasons} for the reasons")
-    print_result(options, facts, "\n".join(lines))
-    return code
+    facts = {"written": [str(path) for path in written]}
+    return print_stages(options, summaries, "\n".join(lines), failed=not written, **facts)
 
 
 def run_restore(options: Restore) -> int:
-    """Restore a dataset in place.
-
-    Raises:
-        FileFormatError: If a folder is not a dataset, or an episode is in none of the originals.
-    """
+    """Restore a dataset in place."""
     done = restore(options.dataset, options.original)
     facts = {"episodes": done.episodes, "sources": [str(path) for path in done.sources]}
     return print_result(options, facts, f"{options.dataset}: {done.episodes} episodes restored")

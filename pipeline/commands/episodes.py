@@ -23,6 +23,7 @@ from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.folders import scenes_in, scenes_root
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..options.episodes import Align, Filter, Sample
+from ..options.shared import settings_of
 from ..stages.episodes import align_items as align
 from ..stages.episodes import sample_items as episodes
 from ..stages.scenes import items as repair
@@ -35,22 +36,14 @@ PARTS = "parts"  # of results, beside the ledger
 
 
 def run_align(options: Align) -> int:
-    """Align the episodes of files; return 1 if too many are rejected.
-
-    Raises:
-        InputError: A tolerance is invalid, or a file or folder cannot be used.
-    """
+    """Align the episodes of files; return 1 if too many are rejected."""
     out = _out(options.out, "aligned", len(options.episodes) > 1)
     robots = _robots(options.robot)
-    config = AlignConfig(
+    config = settings_of(
+        AlignConfig,
+        options,
         robot_radius_m=_radius(robots, options.robot_radius_m),
         free_height_m=chosen_free_height(robots, options.free_height_m),
-        max_start_nudge_m=options.max_start_nudge_m,
-        max_goal_nudge_m=options.max_goal_nudge_m,
-        goal_beyond_start=options.goal_beyond_start,
-        max_waypoint_nudge_m=options.max_waypoint_nudge_m,
-        max_bypassed_share=options.max_bypassed_share,
-        max_floor_gap_m=options.max_floor_gap_m,
     )
     scenes = repair.rows_of(options.scenes)
     files = {read_vlnce(path).path: "" for path in options.episodes}
@@ -103,11 +96,7 @@ def run_align(options: Align) -> int:
 
 
 def run_filter(options: Filter) -> int:
-    """Filter the episodes of files.
-
-    Raises:
-        InputError: A rule is unknown or lacks its scenes, or a file cannot be used.
-    """
+    """Filter the episodes of files."""
     several = len(options.episodes) > 1
     out = _out(options.out, "kept", several)
     names = tuple(name.strip() for name in options.rules.split(",") if name.strip())
@@ -136,11 +125,7 @@ def run_filter(options: Filter) -> int:
 
 
 def run_sample(options: Sample) -> int:
-    """Sample paths in one or several scenes.
-
-    Raises:
-        InputError: An option is invalid, or the scenes do not hold the paths asked for.
-    """
+    """Sample paths in one or several scenes."""
     folders = _scene_folders(options.scenes)
     scenes = repair.scene_rows(folder.resolve() for folder in folders)
     robots = _robots(options.robot)

@@ -1,8 +1,6 @@
 """Commands for closed loop: `evaluate` and `compare`."""
 
-import json
 import shlex
-import sys
 from dataclasses import asdict
 from math import isnan
 
@@ -23,32 +21,22 @@ from ...formats.core.checkout import program
 from ..chains.evaluation import Evaluation, evaluate_policy
 from ..options.evaluate import Compare, Evaluate
 from ..report.policy_items import PAGE_NAME
+from ..summary import print_result
 
 
 def run_evaluate(options: Evaluate) -> int:
-    """Evaluate a policy and print its results.
-
-    Raises:
-        InputError: If a name is unknown, or a file or folder cannot be used.
-    """
+    """Evaluate a policy and print its results."""
     evaluation = evaluate_policy(options)
     _print(options, evaluation)
     return int(len(evaluation.results["quarantined"]) > options.max_failed)
 
 
 def run_compare(options: Compare) -> int:
-    """Compare two evaluations.
-
-    Raises:
-        InputError: If a file is no results file, or they have no episode in common.
-    """
+    """Compare two evaluations."""
     names = (str(options.first), str(options.second))
     comparison = compare(read_results(options.first), read_results(options.second), names)
-    if options.json:
-        differences = {name: interval_json(v) for name, v in comparison.differences.items()}
-        value = {**asdict(comparison), "differences": differences}
-        sys.stdout.write(json.dumps(value, allow_nan=False) + "\n")
-        return 0
+    differences = {name: interval_json(v) for name, v in comparison.differences.items()}
+    facts = {**asdict(comparison), "differences": differences}
     lines = [f"warning: {text}" for text in comparison.warnings]
     lines += [
         f"{comparison.common} episodes in both, {comparison.apart} in one only",
@@ -66,37 +54,37 @@ def run_compare(options: Compare) -> int:
         d = decimals(name)
         bounds = "" if isnan(change.low) else f" ({change.low:+.{d}f} to {change.high:+.{d}f})"
         lines.append(f"  {name:<5} {change.mean:+8.{d}f} {COLUMNS[name][0]:<2}{bounds}".rstrip())
-    sys.stdout.write("\n".join(lines) + "\n")
-    return 0
+    return print_result(options, facts, "\n".join(lines))
 
 
 def _print(options: Evaluate, evaluation: Evaluation) -> None:
-    out, value, scenes = evaluation.out, evaluation.results, evaluation.scenes
-    if options.json:
-        shown = {k: value[k] for k in ("setting", "summary", "quarantined")} | {"out": str(out)}
-        sys.stdout.write(json.dumps(shown) + "\n")
-        return
+    out, value = evaluation.out, evaluation.results
     groups = grouped(value["episodes"], "split")
     if len(groups) > 1:
         groups["all"] = value["episodes"]
-    who = value["setting"]
-    head = f"policy {who['policy']} drives {who['robot']} ({who['controller']})"
-    text = f"{table(groups)}\n\n{LEGEND}" if value["episodes"] else "no episode has a result"
-    sys.stdout.write(f"\n{head}\n{text}\n\n")
-    if value["quarantined"]:
-        count = len(value["quarantined"])
-        reason = next(iter(value["quarantined"].values()))
-        sys.stdout.write(f"{count} episodes without a result, counted apart: {reason}\n")
+    setting, quarantined = value["setting"], value["quarantined"]
+    lines = [
+        f"\npolicy {setting['policy']} drives {setting['robot']} ({setting['controller']})",
+        f"{table(groups)}\n\n{LEGEND}" if groups else "no episode has a result",
+        "",
+    ]
+    if quarantined:
+        reason = next(iter(quarantined.values()))
+        lines.append(f"{len(quarantined)} episodes without a result, counted apart: {reason}")
     for count, what in COUNTS.items():
         if total := sum(episode.get(count, 0) for episode in value["episodes"]):
-            sys.stdout.write(f"{total} {what}\n")
-    sys.stdout.write(f"results: {out / RESULTS_NAME}\n")
+            lines.append(f"{total} {what}")
+    lines.append(f"results: {out / RESULTS_NAME}")
     if options.films > 0:
-        sys.stdout.write(f"report:  {out / PAGE_NAME}\n")
-        return
-    walks, films = shlex.quote(str(out)), shlex.quote(str(out / "films"))
-    sys.stdout.write(
-        'films:   the same command with --films 2 (of make: ARGS="--films 2"), or\n'
-        f"         {program()} render {walks} --scenes {shlex.quote(str(scenes))} --video "
-        f"--camera chase --out {films}\n"
-    )
+        lines.append(f"report:  {out / PAGE_NAME}")
+    else:
+        walks, scenes, films = (
+            shlex.quote(str(path)) for path in (out, evaluation.scenes, out / "films")
+        )
+        lines += [
+            'films:   the same command with --films 2 (of make: ARGS="--films 2"), or',
+            f"         {program()} render {walks} --scenes {scenes} --video --camera chase "
+            f"--out {films}",
+        ]
+    facts = {k: value[k] for k in ("setting", "summary", "quarantined")} | {"out": str(out)}
+    print_result(options, facts, "\n".join(lines))

@@ -53,11 +53,7 @@ class _Task:
 
 
 def run(options: Instruct) -> int:
-    """Instruct one file's episodes; return 1 if too many have no true text.
-
-    Raises:
-        InputError: If an option is invalid, or a file or folder cannot be used.
-    """
+    """Instruct one file's episodes; return 1 if too many have no true text."""
     config, vision = instruct_config(options), vision_settings(options)
     task = _task(options)
     robot = chosen_robot(Instruct.robot if options.robot == NO_ROBOT else options.robot)

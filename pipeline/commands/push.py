@@ -17,8 +17,6 @@ def run_push(options: Push, hub: Hub = None) -> int:
     """Show a release, and upload it if `options.yes` is set; `hub` replaces the real Hub in tests.
 
     Raises:
-        InputError: If there is no dataset, a name is invalid, a licence forbids publishing, or the
-            tag already exists.
         HubError: If the Hub refuses the upload or cannot be reached.
     """
     target = (options.repo, options.tag, options.private)

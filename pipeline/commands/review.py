@@ -18,11 +18,7 @@ from ..stages.instructions.instruct_job import read_sights
 
 
 def run(options: ReviewOptions) -> int:
-    """Serve the page until interrupted.
-
-    Raises:
-        InputError: there is nothing to review there.
-    """
+    """Serve the page until interrupted."""
     review = opened(options)
     server, address = make_server(review, options.port)
     sys.stdout.write(f"{len(review.paths)} paths to review at {address}\n")
@@ -39,11 +35,7 @@ def run(options: ReviewOptions) -> int:
 
 
 def opened(options: ReviewOptions) -> Review:
-    """Return the paths to review.
-
-    Raises:
-        InputError: there is nothing to review there.
-    """
+    """Return the paths to review."""
     source = options.run
     if source.is_dir():
         files = sorted((source / "episodes" / "instructed").glob("*.json.gz"))

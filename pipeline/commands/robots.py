@@ -1,8 +1,6 @@
 """`vlnpe robots`: list robots, render them, export one as a template, and import a URDF."""
 
-import json
-import sys
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from pathlib import Path
 
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
@@ -10,59 +8,40 @@ from ...collectors.robots.folder.export import export_robot
 from ...collectors.robots.folder.urdf import import_urdf
 from ...formats.core.errors import FileFormatError, InputError
 from ..options.robots import Robots
+from ..summary import print_result
 
-
-@dataclass
-class _Done:
-    """Output of the command.
-
-    Attributes:
-        lines: Human-readable output.
-        values: Output of `--json`.
-        problems: Whether a requested robot cannot be used.
-    """
-
-    lines: list[str] = field(default_factory=list)
-    values: dict[str, object] = field(default_factory=dict)
-    problems: bool = False
+Output = tuple[dict[str, object], list[str]]  # values for --json, and lines
 
 
 def run_robots(options: Robots) -> int:
-    """List robots, render one, export one, or import one.
-
-    Raises:
-        InputError: If a robot is unknown, a folder is not a robot, or `out` cannot be used.
-    """
-    done = _Done()
+    """List robots, render one, export one, or import one; return 2 if a named one is unusable."""
     if sum(o is not None for o in (options.view, options.export, options.import_)) > 1:
         raise InputError("--view, --export and --import cannot be combined")
+    unusable = False
     if options.view is not None:
-        _view(get_robot(options.view), options.out or Path(), done)
+        facts, lines = _view(get_robot(options.view), options.out or Path())
     elif options.export is not None:
-        _export(get_robot(options.export), options.out, done)
+        facts, lines = _export(get_robot(options.export), options.out)
     elif options.import_ is not None:
-        _import(options.import_, options.out, done)
+        facts, lines = _import(options.import_, options.out)
     else:
-        _list(options, done)
-    text = json.dumps(done.values) if options.json else "\n".join(done.lines)
-    sys.stdout.write(text + "\n")
-    return 2 if done.problems else 0
+        facts, lines, unusable = _list(options)
+    print_result(options, facts, "\n".join(lines))
+    return 2 if unusable else 0
 
 
-def _list(options: Robots, done: _Done) -> None:
+def _list(options: Robots) -> tuple[dict[str, object], list[str], bool]:
     # Imported late: loading the physics and rendering modules takes seconds.
     from ..robot_sheet import details, missed_gates, sheet_of, table
 
     sheets = [sheet_of(get_robot(name)) for name in options.names or ROBOTS]
-    # A robot requested by name that cannot be used is an error.
-    done.problems = bool(options.names) and any(sheet.problem for sheet in sheets)
-    done.values["robots"] = [asdict(sheet) for sheet in sheets]
-    done.lines += [table(sheets), *([] if options.names else missed_gates(sheets))]
-    if options.names:
-        done.lines += ["", *(details(sheet) for sheet in sheets)]
+    lines = [table(sheets)]
+    lines += ["", *map(details, sheets)] if options.names else missed_gates(sheets)
+    unusable = bool(options.names) and any(sheet.problem for sheet in sheets)
+    return {"robots": [asdict(sheet) for sheet in sheets]}, lines, unusable
 
 
-def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
+def _view(robot: RobotSpec, out: Path) -> Output:
     from ...rendering.figures.pictures import Picture, save_picture
     from ...rendering.figures.portraits import turntable, walking_strip
     from ...rendering.figures.stroll import stroll
@@ -70,7 +49,7 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
 
     if out.exists() and not out.is_dir():
         raise InputError(f"{out}: is a file; --out must be a folder")
-    studio, written = make_studio(robot), []
+    studio, written = make_studio(robot), list[str]()
 
     def save(kind: str, picture: Picture) -> None:
         path = out / f"{robot.name}-{kind}.png"
@@ -86,11 +65,10 @@ def _view(robot: RobotSpec, out: Path, done: _Done) -> None:
             note = f"no walking strip: {error}"
     else:
         note = f"no walking strip: {robot.name} has no joints and cannot walk"
-    done.values.update(pictures=written, note=note)
-    done.lines += [*written, *([note] if note else [])]
+    return {"pictures": written, "note": note}, [*written, *([note] if note else [])]
 
 
-def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
+def _export(robot: RobotSpec, out: Path | None) -> Output:
     from ...collectors.locomotion.runtime.policy import policy_files
 
     out = _new_folder(out, "--export")
@@ -100,16 +78,16 @@ def _export(robot: RobotSpec, out: Path | None, done: _Done) -> None:
         if not path.is_file():
             raise FileFormatError(path, f"{robot.name} has no policy yet; train one first")
     exported = export_robot(robot, out.resolve(), files)
-    done.values.update(out=str(out), robot=exported.name)
-    done.lines.append(f"{out}: {exported.title} as a folder; use it as --robot {out}")
+    line = f"{out}: {exported.title} as a folder; use it as --robot {out}"
+    return {"robot": exported.name}, [line]
 
 
-def _import(urdf: Path, out: Path | None, done: _Done) -> None:
+def _import(urdf: Path, out: Path | None) -> Output:
     out = _new_folder(out, "--import")
     todo, notes = import_urdf(urdf, out.resolve())
-    done.values.update(out=str(out), todo=todo, notes=notes)
     left = f"; to use it, add {'; '.join(todo)}" if todo else f"; use it as --robot {out}"
-    done.lines += [*notes, f"{out}: {urdf.name} as a folder{left}"]
+    facts: dict[str, object] = {"todo": todo, "notes": notes}
+    return facts, [*notes, f"{out}: {urdf.name} as a folder{left}"]
 
 
 def _new_folder(out: Path | None, option: str) -> Path:

@@ -20,17 +20,13 @@ from ..stages.datasets import export_items as export
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts import replay_items as replay
 from ..stages.scenes import items as repair
-from ..summary import joined, print_result, robot_table, stage_table
+from ..summary import print_stages, robot_table
 
 FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second
 
 
 def run_replay(options: Replay) -> int:
-    """Replay the episodes of one file.
-
-    Raises:
-        InputError: If a robot or controller is unknown, or a file or folder cannot be used.
-    """
+    """Replay the episodes of one file."""
     pairs = crews(chosen_robots(options.robot), options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
     episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, None)
@@ -52,11 +48,7 @@ def run_replay(options: Replay) -> int:
 
 
 def run_render(options: Render) -> int:
-    """Render all rollouts in a folder.
-
-    Raises:
-        InputError: If a camera, light, renderer or codec is unknown, or a folder cannot be used.
-    """
+    """Render all rollouts in a folder."""
     chosen_lights(options.light)
     rate = options.frames_per_second or (VIDEO_RATE if options.video else FRAME_RATE)
     check_frame_rate(rate)
@@ -66,7 +58,7 @@ def run_render(options: Render) -> int:
     scenes_folder = scenes_of(options.rollouts, options.scenes)
     scenes = repair.rows_of(scenes_folder)
     groups: dict[tuple[str, str], dict[str, Row]] = {}
-    walks = [row for row in source.rows(replay.STAGE) if row.status == "done"]
+    walks = source.done(replay.STAGE)
     if options.episode is not None and walks:
         check_name("episode", options.episode, sorted({_episode_of(row) for row in walks}))
         walks = [row for row in walks if _episode_of(row) == options.episode]
@@ -112,18 +104,13 @@ def _episode_of(row: Row) -> str:
 
 
 def run_export(options: Export) -> int:
-    """Export all rendered rollouts in a folder.
-
-    Raises:
-        InputError: If a folder cannot be used, or the depth storage is unknown.
-    """
+    """Export all rendered rollouts in a folder."""
     export.check_depth_storage(options.depth)
     source = Ledger.existing(options.frames)
     root, folder = source.root.resolve(), scenes_of(options.frames, options.scenes).resolve()
     groups: dict[tuple[str, ...], dict[str, Row]] = {}
-    for row in source.rows(render.STAGE):
-        if row.status == "done":
-            groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
+    for row in source.done(render.STAGE):
+        groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
     if not groups:
         raise FileFormatError(options.frames, "contains no rendered episode")
     groups = {group: export.wanted(rows, options.only_success) for group, rows in groups.items()}
@@ -147,11 +134,7 @@ def run_export(options: Export) -> int:
 
 
 def _print_summary(options: Replay | Render | Export, summaries: Sequence[StageSummary]) -> int:
-    quarantined = sum(s.quarantined for s in summaries)
-    code = int(quarantined > options.max_failed)
-    facts = {"stages": {s.stage: s.counts() for s in joined(summaries)}, "exit_code": code}
-    text = f"\n{stage_table(summaries)}\n\n"
+    text = f"written to {options.out}"
     if isinstance(options, Replay) and not options.json:
-        text += f"{robot_table(robot_rows(Ledger.existing(options.out)))}\n\n"
-    print_result(options, facts, f"{text}written to {options.out}")
-    return code
+        text = f"{robot_table(robot_rows(Ledger.existing(options.out)))}\n\n{text}"
+    return print_stages(options, summaries, text)

@@ -16,11 +16,7 @@ SCENE_NAMES = frozenset(
 
 
 def run_scan(options: Scan) -> int:
-    """Generate one scan.
-
-    Raises:
-        InputError: If there is no such kind of building, or `out` contains unrelated files.
-    """
+    """Generate one scan."""
     check_kind(options.kind)
     refuse_to_replace(options.out, SCAN_NAMES)
     out = options.out.resolve()
@@ -37,11 +33,7 @@ def run_scan(options: Scan) -> int:
 
 
 def run_repair(options: Repair) -> int:
-    """Repair one scan and print the decisions made; return 1 if the scene is not sound.
-
-    Raises:
-        InputError: If the scan cannot be used, or `out` contains unrelated files.
-    """
+    """Repair one scan and print the decisions made; return 1 if the scene is not sound."""
     out = options.out.resolve()
     collision = str(options.collision.resolve()) if options.collision else ""
     # Later commands find a scene by its folder's name, and every generated scan is a scan.glb.

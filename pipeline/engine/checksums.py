@@ -30,7 +30,6 @@ def read_signed(path: Path) -> dict[str, Any]:
     """Return the JSON object in a file that `signed` made; older files are not signed.
 
     Raises:
-        FileFormatError: If anything in it has changed.
         ValueError: If it is not JSON.
     """
     raw = path.read_bytes()

@@ -50,7 +50,6 @@ def changes(
     Args:
         before: Digests of the parts when the item was done, by name.
         values: Values of parts by digest, as far as they are known.
-        now: The parts now.
         items: Names of items by the beginnings of their keys: an item that reads others has
             their keys among its parts.
     """

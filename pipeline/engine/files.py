@@ -60,8 +60,6 @@ def lost(root: Path, output: str, records: Records) -> str:
     """Return which file of an output is missing, or how its size changed; empty if none.
 
     Args:
-        root: Folder of the ledger.
-        output: Path of the output, relative to `root`.
         records: Of its files. Contents are not read: hashing all at each start would take long.
     """
     if not (root / output).exists():

@@ -82,11 +82,8 @@ def renew(
     """Start a thread that renews a lock, and stops this process if another one took it over.
 
     Args:
-        holder: The holder in this process.
         place: What is locked, for an error message.
         read: Return the holder that the lock names; None if it names none.
-        touch: Renew the lock.
-        every_s: Time between two renewals [s].
 
     Returns:
         An event that ends the thread when it is set.

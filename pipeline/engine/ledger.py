@@ -42,11 +42,7 @@ class Ledger:
     """
 
     def __init__(self, root: Path):
-        """Open the ledger in `root`; a missing one is empty.
-
-        Raises:
-            FileFormatError: If the manifest is damaged or not one of ours.
-        """
+        """Open the ledger in `root`; a missing one is empty."""
         self.root = root
         self._rows: dict[tuple[str, str], Row] = {}
         self._files: dict[str, Records] = {}
@@ -79,11 +75,7 @@ class Ledger:
 
     @staticmethod
     def existing(root: Path) -> "Ledger":
-        """Open an existing ledger: in `root`, or in the run folder that contains `root`.
-
-        Raises:
-            FileFormatError: `root` holds no run, and is no part of one.
-        """
+        """Open an existing ledger: in `root`, or in the run folder that contains `root`."""
         for folder in (root, root.absolute().parent):
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
@@ -98,6 +90,10 @@ class Ledger:
     def rows(self, stage: str | None = None) -> list[Row]:
         """Return the current rows of all stages or of one, in item order."""
         return [row for row in self.all_rows(stage) if row.current]
+
+    def done(self, stage: str | None = None) -> list[Row]:
+        """Return the current rows of items that are done, in item order."""
+        return [row for row in self.rows(stage) if row.status == "done"]
 
     def all_rows(self, stage: str | None = None) -> list[Row]:
         """Return the rows of all stages or of one, those of earlier options too, in item order."""
@@ -185,11 +181,7 @@ class Ledger:
         self.unrecord(path for path in known if not path.exists())
 
     def files(self) -> dict[str, FileRecord]:
-        """Return the record of every file, by its path relative to `root`.
-
-        Raises:
-            FileFormatError: If the manifest holds something else in their place.
-        """
+        """Return the record of every file, by its path relative to `root`."""
         try:
             return {
                 path_in_run(output, name): FileRecord.parse(record)

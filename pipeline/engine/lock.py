@@ -38,15 +38,7 @@ class LockedError(InputError):
 
 @contextlib.contextmanager
 def lock(folder: Path, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of a folder.
-
-    Args:
-        folder: Existing folder.
-        wait: Wait until another process has left it, instead of raising.
-
-    Raises:
-        LockedError: If another process holds it, and `wait` is false.
-    """
+    """Hold the lock of a folder."""
     path = folder / LOCK_NAME
     tries = 0
     while (held := _try(path)) is None:

@@ -152,11 +152,7 @@ class RunFolder:
 
 
 def open_run_folder(root: Path) -> RunFolder:
-    """Create the run folder.
-
-    Raises:
-        InputError: not a folder, not writable, or too little space on its disk.
-    """
+    """Create the run folder."""
     existing = root
     while not existing.exists() and existing != existing.parent:
         existing = existing.parent

@@ -50,7 +50,6 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
     Args:
         context: Ledger and workers; `ahead` is filled.
         chains: Items of several stages, each after those whose outputs it reads.
-        label: Follows the name of the progress bar.
     """
     if not context.workers.chains or context.explain or context.only:
         return

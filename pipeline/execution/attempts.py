@@ -34,12 +34,9 @@ class Outcome:
     """What came of one item.
 
     Attributes:
-        result: What its job returned, if it ended well.
         seconds: Wall time that it took [s].
         cpu_seconds: CPU time that it took, of all threads [s].
         files: Records of the files of its outputs, by output.
-        error: What its job raised, or None.
-        traceback: Of the error, as text.
     """
 
     result: ItemResult = field(default_factory=ItemResult)
@@ -159,7 +156,6 @@ def attempt_chain(
 
     Args:
         steps: Job, outputs, `needed` and `wants_success` of each.
-        threads: How many threads each may use.
 
     Returns:
         The outcome of each; None where it was left out.

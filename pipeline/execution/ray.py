@@ -30,9 +30,6 @@ class RayExecutor(Executor):
         Args:
             address: of a running cluster; empty takes `RAY_ADDRESS`, or starts one here.
             workers: most items at a time; 0 takes as many as the cluster has cores.
-
-        Raises:
-            InputError: Ray is not installed, or there is no cluster at `address`.
         """
         try:
             import ray

@@ -31,9 +31,6 @@ def record(ledger: Ledger, stage: str, item: WorkItem, outcome: Outcome, command
 
     Args:
         command: The command line that runs one item alone, up to its name; empty if none does.
-
-    Raises:
-        InputError: If nothing can be written into the output folder.
     """
     row = _row(stage, item, outcome, ledger.root)
     if outcome.error is not None:

@@ -74,8 +74,6 @@ def run_stage(
         label: name on the progress bar; that of the stage by default.
 
     Raises:
-        InputError: a file cannot be written, or all items of a required stage failed for a reason
-            that lies in the user's input.
         StageFailedError: all items of a required stage failed for another reason.
         OnlyDone: the context asks for one item alone, and it has run.
     """

@@ -43,9 +43,6 @@ def make_executor(execution: Execution, root: Path) -> Executor:
 
     Args:
         root: run folder, shared by all machines of a cluster.
-
-    Raises:
-        InputError: its extra is not installed, or the cluster cannot be reached.
     """
     if execution.executor == RAY:
         from .ray import RayExecutor

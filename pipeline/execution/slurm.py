@@ -86,9 +86,6 @@ class SlurmExecutor(Executor):
             options: `name=value` with commas; see `--slurm`.
             workers: most tasks that run at a time; 0 leaves it to Slurm.
             dry_run: only write the batch script of the first array.
-
-        Raises:
-            InputError: submitit or Slurm is missing, or an option is unknown or no number.
         """
         try:
             import submitit
@@ -140,7 +137,6 @@ class SlurmExecutor(Executor):
 
         Raises:
             DryRun: nothing was to be submitted; the message names the script.
-            InputError: Slurm refused the array.
         """
         if not self._waiting:
             return
@@ -236,11 +232,7 @@ def _queued() -> set[str] | None:
 
 
 def parse_options(text: str) -> dict[str, Any]:
-    """Return the options of `--slurm`, numbers as numbers.
-
-    Raises:
-        InputError: no `name=value`, an unknown name, or a bad number.
-    """
+    """Return the options of `--slurm`, numbers as numbers."""
     options: dict[str, Any] = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
         name, _, value = (side.strip() for side in part.partition("="))

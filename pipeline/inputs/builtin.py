@@ -44,10 +44,6 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     the N buildings of `seed`, `seed` + 1, …, and `builtin:KIND*N@S` those of S, S + 1, ….
     `builtin-exact…` are the same buildings without the virtual scan. Several, comma-separated,
     follow one another.
-
-    Raises:
-        InputError: the kind is unknown, the number is not one from 1 to 1,000, a seed is not a
-            whole number, a building is asked for twice, or built-in scenes are listed with files.
     """
     parts = [part.strip() for part in text.split(",")]
     found = [_FORM.fullmatch(part) for part in parts]

@@ -25,9 +25,6 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     """Return the robots of `--robot <text>`: a name, a folder of a user's robot, several, or `all`.
 
     A bodyless agent is no robot: it takes part only when it is named, also beside `all`.
-
-    Raises:
-        InputError: an unknown name, or none at all; or a robot whose gait cannot be loaded.
     """
     # Late, because policies are run by a library that takes its time to load.
     from ...collectors.locomotion.runtime.drives import gait_for
@@ -45,11 +42,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
 
 
 def chosen_robot(text: str) -> RobotSpec:
-    """Return the robot of `--robot <text>`, of a command that takes one; see `chosen_robots`.
-
-    Raises:
-        InputError: If there is no such robot, or several are named.
-    """
+    """Return the robot of `--robot <text>`, of a command that takes one; see `chosen_robots`."""
     robots = chosen_robots(text)
     if len(robots) != 1:
         raise InputError(f"--robot {text}: valid: one robot")
@@ -61,9 +54,6 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[Crew]:
 
     `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
     and therefore cannot be driven, only placed.
-
-    Raises:
-        InputError: an unknown name, or a robot that none of the controllers can drive.
     """
     names = [] if text == AUTO else _names("--controller", text, CONTROLLERS)
     for name in names:
@@ -99,9 +89,6 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     """Return how discrete actions are executed: for `steps` physics steps, or until done.
 
     The speed asked for is what 0.25 m or 15° in so many steps need, within the robot's limits.
-
-    Raises:
-        InputError: `steps` is not a whole number of the controller's own steps.
     """
     least = round(1.0 / (SpeedController.rate_hz * TIMESTEP_S))  # between two looks of it
     if steps < least or steps % least:
@@ -148,10 +135,6 @@ def keep_crews(pairs: Iterable[Crew], ledger: Ledger) -> list[Crew]:
 
 
 def robot_of_run(name: str, root: Path) -> RobotSpec:
-    """Return the robot of a run with a name that its ledger records.
-
-    Raises:
-        UnknownNameError: If there is no such robot any more.
-    """
+    """Return the robot of a run with a name that its ledger records."""
     copy = root / FOLDER / name
     return get_robot(str(copy) if copy.is_dir() else name)

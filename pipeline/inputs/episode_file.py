@@ -16,9 +16,6 @@ def asked_episodes(
         given: run folder, or episode file.
         scenes_folder: see `scenes_of`.
         split: only this one; all when None.
-
-    Raises:
-        InputError: they cannot be found, or there is no such split.
     """
     files = episode_files(given)
     scenes = scenes_of(given, scenes_folder)
@@ -31,11 +28,7 @@ def asked_episodes(
 
 
 def episode_files(given: Path) -> list[Path]:
-    """Return the episode files of a run, one per split, or the one that is given.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Return the episode files of a run, one per split, or the one that is given."""
     if not given.exists():
         raise InputError(f"{given}: no such file or folder")
     if not given.is_dir():
@@ -53,9 +46,6 @@ def scenes_of(given: Path, scenes: Path | None) -> Path:
 
     Args:
         given: a run folder, or a file in its `episodes/`; anything else needs `scenes`.
-
-    Raises:
-        InputError: there is none.
     """
     if scenes is not None:
         return scenes

@@ -15,9 +15,6 @@ def find_scans(folder: Path) -> dict[str, Path]:
     A sub-folder that holds a file of its own name, as Matterport3D's `<id>/<id>.glb`, is one scan:
     what else lies there are its parts. Elsewhere each mesh is a scan, and each USD stage at the
     top; deeper ones are what stages refer to.
-
-    Raises:
-        InputError: no such folder, or two scans share an id.
     """
     if not folder.is_dir():
         raise InputError(f"--scenes {folder}: no such folder")
@@ -54,9 +51,6 @@ def scenes_in(folder: Path) -> dict[str, Path]:
     """Return the folder of every repaired scene in `folder`, by scene id.
 
     A repaired scene contains itself alone.
-
-    Raises:
-        InputError: If `folder` contains no repaired scene.
     """
     if (folder / INDEX_NAME).is_file():
         return {folder.name: folder}
@@ -71,9 +65,6 @@ def refuse_to_replace(folder: Path, own: frozenset[str]) -> None:
     """Refuse an output folder that contains anything other than an earlier result.
 
     Results replace the whole folder, so unrelated files in it would be lost.
-
-    Raises:
-        InputError: If `folder` is a file, or contains an entry whose name is not in `own`.
     """
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: is a file; --out must be a folder")

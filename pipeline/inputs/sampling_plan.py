@@ -17,6 +17,7 @@ from ...trajectory_sampler.presets import (
     plan_quotas,
 )
 from ..options.episodes import Sampling
+from ..options.shared import settings_of
 
 if TYPE_CHECKING:
     from ...collectors.robots import RobotSpec
@@ -27,7 +28,6 @@ class SamplingPlan:
     """Paths of several splits over several scenes.
 
     Attributes:
-        splits: paths by split.
         train_scenes: the scenes that are trained in.
         quotas: paths by split, by scene.
         instructions: per path; 0 if the user did not ask for a published set.
@@ -42,11 +42,7 @@ class SamplingPlan:
 
     @staticmethod
     def of(options: Sampling, preset: str, scenes: Sequence[str]) -> SamplingPlan | None:
-        """Return the plan that options ask for; None where every scene gives as many as the others.
-
-        Raises:
-            InputError: an unknown preset, or splits that do not fit the scenes.
-        """
+        """Return the plan that options ask for; None if each scene gives the same number."""
         if preset and options.splits:
             raise InputError(
                 f"--splits {options.splits} and the preset {preset} cannot be combined; choose one"
@@ -83,15 +79,7 @@ def _first(number: str, scenes: Sequence[str]) -> int:
 
 
 def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
-    """Return the free height [m] that paths need: `asked_m`, or for 0 that of the tallest robot.
-
-    Args:
-        robots: the run's robots; empty if none is named.
-        asked_m: the option's value [m].
-
-    Raises:
-        InputError: a robot is taller than asked, or 0 without robots.
-    """
+    """Return the free height [m] that paths need: `asked_m`, or for 0 that of the tallest robot."""
     if asked_m >= FULL_HEIGHT_M:
         return asked_m
     from ...collectors.physics import free_height
@@ -119,28 +107,14 @@ def sample_config(
 
     Args:
         count: paths per scene, where no plan says how many.
-        radius_m: footprint of the widest robot [m].
-        free_height_m: free height above every path [m].
         strict: never take paths that are more similar than asked for.
-
-    Raises:
-        InputError: an option is invalid.
     """
-    return SampleConfig(
+    return settings_of(
+        SampleConfig,
+        options,
         count=count,
         robot_radius_m=radius_m,
-        end_clearance_m=options.end_clearance_m,
         free_height_m=free_height_m,
-        min_length_m=options.min_length_m,
-        max_length_m=options.max_length_m,
-        min_view_m=options.min_view_m,
-        min_crossings=options.min_crossings,
-        similarity=options.similarity,
-        min_gap_m=options.min_gap_m,
-        family_gap_m=options.family_gap_m,
-        max_detour=options.max_detour,
-        max_turning_deg=options.max_turning_deg,
-        heading=options.heading,
         relax=not strict,
         patience=60 if strict else SampleConfig.patience,
     )

@@ -11,11 +11,7 @@ ALL = "all"
 
 
 def chosen_lights(text: str) -> list[str]:
-    """Return the light names of `DL5000,CL` or `all`, each once.
-
-    Raises:
-        UnknownNameError: there is no such light; the message lists the valid names.
-    """
+    """Return the light names of `DL5000,CL` or `all`, each once."""
     names = sorted(LIGHTS) if text == ALL else [part.strip() for part in text.split(",")]
     for name in names:
         if name not in LIGHTS:
@@ -26,12 +22,7 @@ def chosen_lights(text: str) -> list[str]:
 def chosen_views(
     camera: str, light: str, renderer: str, robot: RobotSpec, overrides: CameraOverrides
 ) -> list[View]:
-    """Return every camera in `camera` under every light in `light`.
-
-    Raises:
-        UnknownNameError: no such camera, light or renderer; the message lists the valid names.
-        InputError: a camera that cannot be read, or `gl` where nothing can be drawn with it.
-    """
+    """Return every camera in `camera` under every light in `light`."""
     # What `auto` means is up to each scene: see `scene_renderer_name`.
     drawn_by = AUTO if renderer == AUTO else chosen_renderer(renderer)
     return [

@@ -6,11 +6,7 @@ from ..options.shared import Wording
 
 
 def instruct_config(options: Wording) -> InstructConfig:
-    """Return the configuration of the instructions that `collect` and `instruct` write.
-
-    Raises:
-        InputError: an unknown name or a bad number; the message lists the valid ones.
-    """
+    """Return the configuration of the instructions that `collect` and `instruct` write."""
     server = None
     if options.writer in (LLM, LOCAL):
         server = settings_from(
@@ -29,11 +25,7 @@ def instruct_config(options: Wording) -> InstructConfig:
 
 
 def vision_settings(options: Wording) -> LlmSettings | None:
-    """Return the vision-language model that names things and rooms; None without `--vision`.
-
-    Raises:
-        InputError: a variable of the environment is missing, or cannot be used.
-    """
+    """Return the vision-language model that names things and rooms; None without `--vision`."""
     if not options.vision:
         return None
     return settings_from(

@@ -52,9 +52,6 @@ def parsed(command: str, words: Sequence[str], record: type) -> Any:
     """Return the options that a command's words set, as an instance of `record`; exit after help.
 
     Tyro answers what is missing with many lines, so required options have a stand-in here.
-
-    Raises:
-        InputError: An option is unknown, or one that the command needs is missing.
     """
     check_options(command, words, record)
     given = {word.split("=")[0].replace("_", "-") for word in words}

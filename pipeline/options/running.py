@@ -36,10 +36,5 @@ class Running(Parallel):
     """With --executor slurm: write the batch script of the first stage that has work, and stop."""
 
     def execution(self) -> Execution:
-        """Return where the items run.
-
-        Raises:
-            UnknownNameError: no such executor.
-            InputError: a negative number of workers.
-        """
+        """Return where the items run."""
         return Execution(self.executor, self.workers, self.ray_address, self.slurm, self.dry_run)

@@ -1,12 +1,19 @@
 """Options that several commands share; those of one command beside them are in its own module."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, fields
+from typing import Annotated, Any
 
 import tyro
 
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
+
+
+def settings_of[T](kind: type[T], options: Any, **others: Any) -> T:
+    """Return a configuration from the options of its fields' names; `others` take precedence."""
+    names = [entry.name for entry in fields(kind)]  # type: ignore[arg-type]
+    named = {name: getattr(options, name) for name in names if hasattr(options, name)}
+    return kind(**{**named, **others})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,15 +51,8 @@ class Orientation:
 
     def repair_config(self, *, collision: str, scene_id: str = "") -> RepairConfig:
         """Return the options of the repair."""
-        return RepairConfig(
-            up=self.up,
-            unit=self.unit,
-            exclude=self.exclude,
-            floor_m=self.floor,
-            allow_roof=self.allow_roof,
-            collision=collision,
-            scene_id=scene_id,
-        )
+        names = {"floor_m": self.floor, "collision": collision, "scene_id": scene_id}
+        return settings_of(RepairConfig, self, **names)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,6 @@ from .gather import (
     diverged_rows,
     driven,
     left_out,
-    replay_rows,
     robot_rows,
     shared_paths_note,
 )
@@ -44,7 +43,7 @@ class ReportJob:
 def build_page(root: Path, pictures: Pictures) -> str:
     """Return the report of the run in `root` as HTML."""
     ledger = Ledger(root)
-    rows = replay_rows(ledger)
+    rows = ledger.done("replay")
     paths = ScenePaths.load(root, rows)
     robots = robot_rows(ledger)
     quarantine = [r for r in ledger.rows() if r.status == "quarantined"]
@@ -65,7 +64,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
         splits=dataset_rows(list(paths.episodes.values())),
         episode_note=_episode_note(ledger, len(paths.episodes)),
         episodes=_episodes(rows, paths),
-        scenes=[_scene(root, row) for row in ledger.rows("repair") if row.status == "done"],
+        scenes=[_scene(root, row) for row in ledger.done("repair")],
         quarantine=[
             {"stage": r.stage, "item": r.item, "reason": r.error["reason"]} for r in quarantine
         ],
@@ -116,13 +115,12 @@ def _episode_note(ledger: Ledger, walked: int) -> str:
     for row in ledger.rows("filter"):
         if "counts" in row.facts:
             parts += [line.strip() for line in filter_lines(row.facts)]
-    for row in ledger.rows("align"):
-        if row.status == "done":
-            facts = row.facts
-            changed = ", ".join(f"{n} {what}" for what, n in facts.get("changed", {}).items() if n)
-            of = f"{facts['episodes']} episodes of {facts.get('paths', '?')} paths"
-            note = f"{row.item}: {of} aligned"
-            parts.append(f"{note} ({changed})" if changed else note)
+    for row in ledger.done("align"):
+        facts = row.facts
+        changed = ", ".join(f"{n} {what}" for what, n in facts.get("changed", {}).items() if n)
+        of = f"{facts['episodes']} episodes of {facts.get('paths', '?')} paths"
+        note = f"{row.item}: {of} aligned"
+        parts.append(f"{note} ({changed})" if changed else note)
     return ". ".join(parts) + "." if parts else ""
 
 

@@ -67,8 +67,6 @@ class LeftOut:
 
     Attributes:
         actions: how the controller `speed` executed discrete actions; empty for others.
-        paths: how many it walked.
-        datasets: names of its datasets.
     """
 
     robot: str
@@ -108,11 +106,6 @@ def _crew(row: Row) -> tuple[str, str]:
     return robot, label
 
 
-def replay_rows(ledger: Ledger) -> list[Row]:
-    """Return the rows of existing rollouts."""
-    return [row for row in ledger.rows("replay") if row.status == "done"]
-
-
 def diverged_rows(ledger: Ledger) -> list[Row]:
     """Return the rows of episodes whose physics diverged, which have no rollout."""
     return [row for row in ledger.rows("replay") if row.error.get("type") == DivergedError.__name__]
@@ -147,7 +140,7 @@ _Facts = dict[str, Any] | None
 def _walks(ledger: Ledger) -> dict[tuple[str, str], dict[str, _Facts]]:
     """Return what each robot did under each controller, by path."""
     walks: dict[tuple[str, str], dict[str, _Facts]] = defaultdict(dict)
-    for row in [*replay_rows(ledger), *diverged_rows(ledger)]:
+    for row in [*ledger.done("replay"), *diverged_rows(ledger)]:
         walks[_crew(row)][row.item.rsplit("/", 1)[-1]] = row.facts or None
     return dict(sorted(walks.items()))
 

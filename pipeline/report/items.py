@@ -15,7 +15,7 @@ from ..inputs.crews import robot_of_run
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts.pictures_job import ClipJob, MapJob, StripJob
 from .build import ReportJob
-from .gather import left_out, replay_rows
+from .gather import left_out
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures
 
@@ -30,7 +30,7 @@ TIMES = {"cpu_s", "seconds"}  # facts about how long work took
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
     """Write the report of the ledger's current state; return the page."""
     ledger = context.ledger
-    made, summary = _pictures(folder, context, replay_rows(ledger))
+    made, summary = _pictures(folder, context, ledger.done("replay"))
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a repaired item keeps its key.
@@ -70,9 +70,7 @@ def _pictures(
 
 def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
     result = {}
-    for row in ledger.rows("repair"):
-        if row.status != "done":
-            continue
+    for row in ledger.done("repair"):
         for level in range(int(row.facts["levels"])):
             name = f"{row.item}/{level}"
             out = folder.report / "maps" / f"{row.item}-{level}.png"
@@ -89,10 +87,10 @@ def strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
     rollouts = {row.item: row for row in rows}
     known: dict[str, list[tuple[Row, Row]]] = {}
-    for frames in ledger.rows(render.STAGE):
+    for frames in ledger.done(render.STAGE):
         robot, controller, view, episode = frames.item.split("/", 3)
         row = rollouts.get(f"{robot}/{controller}/{episode}")
-        if frames.status == "done" and row is not None:
+        if row is not None:
             known.setdefault(f"{robot}-{controller}-{view}", []).append((row, frames))
 
     def rank(pair: tuple[Row, Row]) -> tuple[bool, int, str]:

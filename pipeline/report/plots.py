@@ -89,17 +89,31 @@ def bars(shares: Mapping[str, Mapping[str, float]], label: str) -> Figure:
     return _finished(figure, axes)
 
 
-def svg_uri(figure: Figure) -> str:
-    """Return a figure as the data URI of an SVG image."""
+def svg(figure: Figure) -> bytes:
+    """Return a figure as an SVG file."""
     stream = BytesIO()
     with rc_context(_STYLE):
         figure.savefig(stream, format="svg", metadata={"Date": None})
-    return data_uri(stream.getvalue(), "image/svg+xml")
+    return stream.getvalue()
 
 
-def _axes() -> tuple[Figure, Axes]:
+def svg_uri(figure: Figure) -> str:
+    """Return a figure as the data URI of an SVG image."""
+    return data_uri(svg(figure), "image/svg+xml")
+
+
+def horizontal_axes(height_in: float) -> tuple[Figure, Axes]:
+    """Return axes for rows of values, as high as asked [inch], with vertical grid lines."""
+    figure, axes = _axes(7.6, height_in)
+    axes.grid(axis="x", color="#eee")
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def _axes(width_in: float = 5.6, height_in: float = 3.1) -> tuple[Figure, Axes]:
     with rc_context(_STYLE):
-        figure = Figure(figsize=(5.6, 3.1), layout="constrained")
+        figure = Figure(figsize=(width_in, height_in), layout="constrained")
         return figure, figure.subplots()
 
 

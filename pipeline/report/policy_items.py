@@ -29,15 +29,7 @@ def write(
     scenes: Path,
     films: int,
 ) -> Path:
-    """Film some episodes of every kind of ending and write the report page; return the page.
-
-    Args:
-        context: ledger of the evaluation's folder, and workers.
-        rows: rows of its episodes.
-        results: content of its results file.
-        robot: the robot of all of them.
-        films: how many of each kind.
-    """
+    """Film some episodes of every kind of ending and write the report page; return the page."""
     items = film_items(rows, context.ledger.root, robot, view, scenes, films)
     made = run_stage(context, STAGE, list(items.values())).good()
     context.ledger.discard(STAGE, "")

@@ -30,8 +30,6 @@ def policy_page(results: Mapping[str, Any], rows: Sequence[Row], films: Mapping[
     """Return the page as HTML.
 
     Args:
-        results: content of the results file.
-        rows: rows of the episodes.
         films: by the rows' items, with the last frame beside each as `.jpg`.
     """
     kinds = Counter(kind_of(row.facts) for row in rows)

@@ -18,9 +18,6 @@ def store_url(path: Path | str) -> str | None:
     """Return the URL that a path from the command line stands for; None for a local path.
 
     `pathlib` writes `s3://bucket/run` as `s3:/bucket/run`, and options hold paths.
-
-    Raises:
-        InputError: It is a URL, but of no folder.
     """
     url = re.fullmatch(rf"({_SCHEME}):(?:/{{1,2}}([^/].*?))?/*", str(path), re.DOTALL)
     if url is None:

@@ -24,15 +24,7 @@ POLL_S = 5.0
 
 @contextlib.contextmanager
 def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of a run folder.
-
-    Args:
-        wait: Wait until another process has left it, instead of raising.
-
-    Raises:
-        LockedError: If another process holds it, and `wait` is false.
-        StoreError: If the store cannot be used.
-    """
+    """Hold the lock of a run folder."""
     holder = Holder.this()
     # The count changes the lock's content, which is how another process sees that it is renewed.
     contents = (holder.line() + b"\n%d" % count for count in itertools.count())

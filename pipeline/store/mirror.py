@@ -36,9 +36,6 @@ class MirroredLedger(Ledger):
 
         Args:
             uploaded: Records of the files that the store holds, as `pull` returned them.
-
-        Raises:
-            FileFormatError: If the manifest is damaged.
         """
         super().__init__(root)
         self._store = store
@@ -65,12 +62,7 @@ class MirroredLedger(Ledger):
         self._next_s = time.monotonic() + UPLOAD_EVERY_S
 
     def finish(self) -> None:
-        """Complete the copy.
-
-        Raises:
-            StoreError: If the store cannot be used; all that is done lies in the scratch folder,
-                and the same command uploads it.
-        """
+        """Complete the copy."""
         try:
             self.upload()
         except StoreError as error:
@@ -79,11 +71,7 @@ class MirroredLedger(Ledger):
             ) from error
 
     def upload(self) -> None:
-        """Bring the store up to this ledger.
-
-        Raises:
-            StoreError: If the store cannot be used.
-        """
+        """Bring the store up to this ledger."""
         manifest = self.manifest_text()
         if manifest == self._written:
             return
@@ -112,11 +100,6 @@ def mirrored(url: str, *, wait: bool = False) -> Iterator[tuple[Path, Callable[[
 
     Yields:
         The scratch folder, and a function that opens its ledger.
-
-    Raises:
-        LockedError: If another process works in it, and `wait` is false.
-        StoreError: If the store cannot be used.
-        FileFormatError: If the store's manifest is damaged.
     """
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
     with hold(store, wait=wait):
@@ -132,10 +115,6 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
 
     Returns:
         Records of the files that the store holds and its manifest names.
-
-    Raises:
-        StoreError: If the store cannot be used.
-        FileFormatError: If a manifest is damaged.
     """
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:
@@ -154,14 +133,7 @@ def pull(store: ObjectFolder, scratch: Path) -> dict[str, FileRecord]:
 def _pull(
     store: ObjectFolder, scratch: Path, manifest: bytes, there: Ledger, held: Set[str]
 ) -> None:
-    """Bring a scratch folder up to a manifest of the store; see `pull`.
-
-    Args:
-        scratch: The folder to change.
-        manifest: The store's manifest.
-        there: The ledger that it describes.
-        held: What `_held` returned.
-    """
+    """Bring a scratch folder up to a manifest of the store; see `pull`."""
     here, names = Ledger(scratch), there.files()
     before = here.files()
     missing = {
@@ -193,11 +165,7 @@ def _pull(
 
 @contextlib.contextmanager
 def local_copy(url: str) -> Iterator[Path]:
-    """Yield a temporary local copy of all that a run folder of a store holds.
-
-    Raises:
-        StoreError: If the store cannot be used, or holds no run there.
-    """
+    """Yield a temporary local copy of all that a run folder of a store holds."""
     store = ObjectFolder.open(url)
     names = [name for name in store.names() if not Path(name).name.startswith(".vlnpe-")]
     if MANIFEST_NAME not in names:
@@ -208,11 +176,7 @@ def local_copy(url: str) -> Iterator[Path]:
 
 
 def fetched(url: str) -> Path:
-    """Return the scratch folder of a run folder of a store, brought up to it for reading.
-
-    Raises:
-        StoreError: If the store cannot be used, or holds no run there.
-    """
+    """Return the scratch folder of a run folder of a store, brought up to it for reading."""
     store, scratch = ObjectFolder.open(url), scratch_folder(url)
     manifest = store.read(MANIFEST_NAME)
     if manifest is None:

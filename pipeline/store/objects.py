@@ -20,9 +20,7 @@ class ObjectFolder:
     """A folder of an object store; names are relative to it, with `/` between their parts.
 
     Attributes:
-        url: As the user gave it, without a slash at its end.
         files: File system of fsspec.
-        path: The folder in it.
     """
 
     url: str
@@ -31,12 +29,7 @@ class ObjectFolder:
 
     @staticmethod
     def open(url: str) -> "ObjectFolder":
-        """Connect to the store of a URL.
-
-        Raises:
-            MissingExtraError: If it needs a library that is not installed.
-            StoreError: If the kind of URL is unknown, or cannot be used.
-        """
+        """Connect to the store of a URL."""
         scheme = url.split("://", maxsplit=1)[0]
         try:
             import fsspec
@@ -115,11 +108,7 @@ class ObjectFolder:
                 self._try(lambda folder=folder: self.files.makedirs(folder, exist_ok=True))
 
     def _try(self, action: Callable[[], T], **if_missing: Any) -> T:
-        """Return what `action` returns, or `missing` where the object does not exist.
-
-        Raises:
-            StoreError: On any other failure; libraries of stores raise errors of their own.
-        """
+        """Return what `action` returns, or `missing` where the object does not exist."""
         try:
             return action()
         except FileNotFoundError as error:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ...formats.core.rollout import EndReason
-from ..engine.ledger import Ledger, Row
+from ..engine.ledger import Ledger
 from .integrity import Check
 
 REPLAY, RENDER, EXPORTS, DATASET = "replay", "render", ("export", "mcap"), "dataset"
@@ -25,7 +25,7 @@ def _unrendered(ledger: Ledger) -> Iterator[Check]:
     for item in rendered:
         robot, controller, view, _ = item.split("/", 3)
         views.setdefault(f"{robot}/{controller}", set()).add(view)
-    for row in _done(ledger, REPLAY):
+    for row in ledger.done(REPLAY):
         crew, episode = row.item.rsplit("/", 1)
         for view in sorted(views.get(crew, ())):
             if f"{crew}/{view}/{episode}" not in rendered:
@@ -33,7 +33,7 @@ def _unrendered(ledger: Ledger) -> Iterator[Check]:
 
 
 def _unexported(ledger: Ledger) -> Iterator[Check]:
-    rendered = _done(ledger, RENDER)
+    rendered = ledger.done(RENDER)
     failures = {r.item for r in rendered if r.facts.get("end_reason") != str(EndReason.SUCCESS)}
     for stage in EXPORTS:
         exported = {row.item for row in ledger.rows(stage)}
@@ -48,8 +48,8 @@ def _unexported(ledger: Ledger) -> Iterator[Check]:
 
 
 def _left_out(ledger: Ledger) -> Iterator[Check]:
-    for row in _done(ledger, DATASET):
-        units = [r for r in _done(ledger, "export") if _dataset(r.item) == row.item]
+    for row in ledger.done(DATASET):
+        units = [r for r in ledger.done("export") if _dataset(r.item) == row.item]
         counts = {
             "episodes": len(units),
             "frames": sum(int(r.facts.get("frames", 0)) for r in units),
@@ -59,10 +59,6 @@ def _left_out(ledger: Ledger) -> Iterator[Check]:
             has = ", ".join(f"{row.facts.get(what)} {what}" for what in wrong)
             units_have = ", ".join(f"{count} {what}" for what, count in wrong.items())
             yield Check(f"{DATASET} {row.item}", f"has {has}; its exported units {units_have}")
-
-
-def _done(ledger: Ledger, stage: str) -> list[Row]:
-    return [row for row in ledger.rows(stage) if row.status == "done"]
 
 
 def _scope(item: str) -> str:

@@ -26,8 +26,6 @@ class Check:
     """One output and what is wrong with it; an empty problem means that it is sound.
 
     Attributes:
-        what: The output.
-        problem: What is wrong.
         unfinished: Whether the only problem is an unfinished run, which its command completes.
     """
 
@@ -41,9 +39,6 @@ def check_files(ledger: Ledger, below: str = "") -> list[Check]:
 
     Args:
         below: Check this folder of the run alone, by its path relative to the run folder.
-
-    Raises:
-        FileFormatError: If the manifest holds no readable records.
     """
     records = {
         name: record

@@ -37,10 +37,6 @@ def verify_run(root: Path) -> list[Check]:
 
     Returns:
         One check per file and per output.
-
-    Raises:
-        FileFormatError: If there is no run.
-        InputError: If the run is being written.
     """
     if (root / INDEX_NAME).is_file():
         return _verify_scene(root)
@@ -61,12 +57,7 @@ def verify_run(root: Path) -> list[Check]:
 
 
 def remedy(root: Path, checks: Iterable[Check]) -> str:
-    """Return how to restore damaged files; empty if no check names one or no command is known.
-
-    Args:
-        root: As for `verify_run`.
-        checks: What it returned.
-    """
+    """Return how to restore damaged files; empty if no check names one or no command is known."""
     bad = {check.what for check in checks if check.problem}
     if not bad:
         return ""
@@ -127,7 +118,7 @@ def _verify_ledger(ledger: Ledger) -> list[Check]:
         checks.append(Check(MANIFEST_NAME, UNRECORDED_RUN))
     # A reader need not survive a damaged file, and would only say less about it.
     damaged = {check.what for check in checks if check.problem}
-    rows = [row for row in ledger.rows() if row.status == "done"]
+    rows = ledger.done()
     for row in progress_bar("verify", len(rows), items=rows):
         for output in row.outputs:
             if any(Path(name).is_relative_to(output) for name in damaged):

@@ -1,11 +1,13 @@
 """README, CONTRIBUTING and docs: their commands parse, and the files that they name exist."""
 
+import ast
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
 
+from tests.pipeline.test_packaging import PACKAGES
 from tests.support.pages import PAGES, ROOT, commands
 from vlnpe.pipeline.cli import VERBS, parse
 
@@ -92,3 +94,24 @@ def test_files_that_are_named_exist(page: Path) -> None:
 def test_files_that_are_linked_exist(page: Path) -> None:
     linked = LINK.findall(page.read_text())
     assert {name for name in linked if not (page.parent / name).exists()} == set()
+
+
+def test_the_page_of_errors_names_every_error_and_its_kind() -> None:
+    bases = {
+        node.name: [ast.unparse(base) for base in node.bases]
+        for path in ROOT.glob("*/**/*.py")
+        if path.relative_to(ROOT).parts[0] in PACKAGES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ClassDef)
+    }
+
+    def is_ours(name: str) -> bool:
+        return name == "VlnpeError" or any(map(is_ours, bases.get(name, ())))
+
+    page = (ROOT / "docs" / "reference" / "errors.md").read_text()
+    rows = dict(re.findall(r"\| `(\w+Error)` \| `(\w+)` \|", page))
+    described = re.search(r":members: (.+)", page)
+    assert described is not None
+    names = {name for name in bases if is_ours(name)}
+    assert rows.keys() | set(described[1].split(", ")) == names
+    assert rows == {name: bases[name][0] for name in rows}

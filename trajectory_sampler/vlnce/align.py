@@ -48,7 +48,6 @@ def align_episodes(
     geodesic distance is measured again. Episodes of one path are fitted once.
 
     Args:
-        file: the episodes.
         bundles: repaired scenes by scene id, looked up by `VlnceEpisode.scene_stem`.
         config: thresholds; the defaults when None.
     """

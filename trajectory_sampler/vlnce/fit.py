@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
-from ...formats.core.frames import HABITAT_TO_WORLD, habitat_to_world_yaw, transform_points
+from ...formats.core.frames import HABITAT_TO_WORLD, Array, habitat_to_world_yaw, transform_points
 from ...formats.core.geometry import path_length
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
@@ -18,8 +18,6 @@ from ...wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
 from ...wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
 from .align_config import AlignConfig
 from .levels import level_gaps
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -43,10 +41,7 @@ def fit_path(
     """Return an episode's path in its scene.
 
     Args:
-        raw: the episode.
-        bundle: its scene.
         freemaps: of the scene's levels, for the free height of `config`.
-        config: thresholds.
 
     Raises:
         RejectedError: the path does not fit.

@@ -29,7 +29,6 @@ def unknown_language(text: str, declared: str = "") -> str:
     """Return the language of a text if its words for stairs are unknown, else an empty text.
 
     Args:
-        text: an instruction.
         declared: its language as its file states it, such as `te-IN`; empty if it does not. What
             is written in Latin letters is then taken for English.
     """

@@ -121,7 +121,6 @@ def filter_stairs(
     What no rule can judge is kept.
 
     Args:
-        file: the episodes.
         rules: which rules, and how they are combined.
         bundles: repaired scenes by name, for the rule `geometric`.
 

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ....formats.core.frames import Array
 from .goals import SubGoal
 from .places import on_side, place_cost, sided_door, stop_cost
 from .ways import Ways, wrap
-from .world import Array, World
+from .world import World
 
 _BENT = 0.4  # per radian: one walks straight where the text gives only a distance
 _LAG, _DOOR_LAG = (

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.frames import Array
 from .goals import Place, SubGoal
 from .ways import Ways
-from .world import Array, World
+from .world import World
 
 _PASS_M, _REACH_M, _BESIDE_M, _SEE_M = 2.8, 2.2, 3.5, 7.0
 _STOP_M = 2.2

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.graph import MCP_Geometric
 
-from .world import CELL_M, Array, World
+from ....formats.core.frames import Array
+from .world import CELL_M, World
 
 EVENT_RAD = np.deg2rad(45.0)  # a clear turn
 _BACK = 16  # ancestors that are kept

@@ -9,6 +9,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ....formats.core.frames import Array
 from ....formats.scene.bundle import LabeledObject, SceneBundle
 from ....formats.scene.freemap import Freemap
 from ....instruction_gen.facts.doors import DOOR, doorways
@@ -17,8 +18,6 @@ from ....instruction_gen.facts.rooms import room_names
 from ....instruction_gen.language.lexicon import ROOM_PHRASES
 from ....instruction_gen.language.nouns import called, noun_of
 from ....wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
-
-Array = NDArray[np.float64]
 
 CELL_M = 0.15
 RADIUS_M = 0.22

@@ -18,11 +18,7 @@ UNCLEAR = 3  # unclear answers in a row after which an episode is given up
 
 
 def model_settings(policy: str, use: ModelUse) -> LlmSettings:
-    """Return the settings of a policy's model from environment variables.
-
-    Raises:
-        InputError: the variable with the model's address is missing.
-    """
+    """Return the settings of a policy's model from environment variables."""
     return settings_from(
         asked_by=f"--policy {policy}", max_tokens=use.max_tokens, max_cost=use.max_cost
     )

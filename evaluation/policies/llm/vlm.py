@@ -30,11 +30,7 @@ class VlmPolicy:
     blind = False
 
     def __init__(self, model: TextModel) -> None:
-        """Prepare an episode; nothing is sent yet.
-
-        Args:
-            model: answers `PROMPT`.
-        """
+        """Prepare an episode; nothing is sent yet."""
         self._model = model
         self._frames: list[str] = []
         self._waiting: deque[Action] = deque()
@@ -57,11 +53,7 @@ class VlmPolicy:
         self._waiting.clear()
 
     def act(self, observation: Observation) -> Action:
-        """See `Policy.act`.
-
-        Raises:
-            PolicyError: the model cannot be reached, or gives no clear answer.
-        """
+        """See `Policy.act`."""
         self._frames.append(_data_url(observation.rgb))
         if not self._waiting:
             self._waiting.extend(self._asked())

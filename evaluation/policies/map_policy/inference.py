@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ....formats.core.frames import Array
 from ....instruction_gen.language.reader import read_text
 from ..follower.costs import prefix_costs
 from ..follower.goals import SubGoal, UnfollowableError, sub_goals
 from ..follower.ways import Ways, ways_from
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
-from .seen_map import Array, SeenMap
+from .seen_map import SeenMap
 from .seen_world import SeenWorld, seen_world
 
 _SAME_M = 0.7  # frontiers this close are one
@@ -113,7 +114,6 @@ def choose_target(
         current: where the robot is going.
         step: number of actions taken so far.
         explore: whether frontiers may be chosen.
-        weights: weights of the choice; the defaults when None.
 
     Returns:
         The target; None if nothing can be reached.

@@ -93,13 +93,7 @@ class ModelLabeller:
         return self._client.unusable - self._unclear_before
 
     def detect(self, observation: Observation) -> Sequence[Detection]:
-        """See `Labeller.detect`.
-
-        Raises:
-            PolicyError: the model gave no usable answer for three images in a row.
-            BudgetError: no more may be spent.
-            InputError: the server refuses the request for good (wrong key, unknown model, …).
-        """
+        """See `Labeller.detect`."""
         if not self._is_due(observation.pose):
             return []
         self._labelled = observation.pose

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ....collectors.robots import get_robot
+from ....formats.core.frames import Array
 from ....formats.core.rollout import Action
 from ...motions import DISCRETE, WAYPOINTS
 from ...observation import Observation
@@ -15,7 +16,7 @@ from ..follower.goals import SubGoal, UnfollowableError
 from .inference import Target, choose_target, goals_of
 from .labels import Labeller, OracleLabeller
 from .routes import Routes, blocked, next_action, waypoints
-from .seen_map import Array, SeenMap
+from .seen_map import SeenMap
 
 _ALL_AROUND = 24  # turns of 15°
 _AGAIN = 6  # actions after which the target is chosen again
@@ -59,11 +60,7 @@ class MapPolicy:
         self.target: Target | None = None
 
     def reset(self, assignment: Assignment) -> None:
-        """See `Policy.reset`.
-
-        Raises:
-            PolicyError: If velocities are asked for, or the instruction says nothing.
-        """
+        """See `Policy.reset`."""
         if assignment.actions not in (DISCRETE, WAYPOINTS):
             raise PolicyError(f"actions {assignment.actions}; valid: {DISCRETE}, {WAYPOINTS}")
         try:

@@ -13,11 +13,7 @@ class ModelReader:
     """Reads an instruction by a model, as `MapPolicy`'s `read`; the grammar checks its answer."""
 
     def __init__(self, model: TextModel) -> None:
-        """Get ready; nothing is sent yet.
-
-        Args:
-            model: answers `PROMPT`.
-        """
+        """Get ready; nothing is sent yet."""
         self._model = model
 
     @property
@@ -31,11 +27,7 @@ class ModelReader:
         return self._model.said
 
     def __call__(self, text: str) -> Sequence[SubGoal]:
-        """Return the sub-goals of an instruction.
-
-        Raises:
-            PolicyError: If the model cannot be reached, or gives no clear answer.
-        """
+        """Return the sub-goals of an instruction."""
         self._model.restart()
         return self._model.ask(self._model.prompt(text), _goals)
 

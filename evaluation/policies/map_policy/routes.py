@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from skimage.graph import MCP_Geometric
 
-from ....formats.core.frames import wrap_angle
+from ....formats.core.frames import Array, wrap_angle
 from ....formats.core.geometry import arc_length
 from ....formats.core.rollout import Action
-from .seen_map import CELL_M, Array, SeenMap
+from .seen_map import CELL_M, SeenMap
 
 _UNKNOWN = 4.0  # cost of a metre that has not been seen
 _TIGHT = 6.0  # … of one that grazes an obstacle

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 
+from ....formats.core.frames import Array
 from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.freemap import Freemap
 from ....formats.scene.grid import GridSpec
 from ...observation import Lens
 
-Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CELL_M = 0.1

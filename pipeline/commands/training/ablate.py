@@ -1,22 +1,16 @@
 """`vlnpe ablate`: train a policy on each mixture of a recipe, let it walk, and compare."""
 
-import json
-import sys
-
 from ....formats.core.atomic import file_digest, sweep
 from ....formats.core.errors import InputError
 from ...engine.lock import lock
 from ...options.training import Ablate
+from ...summary import print_result
 from .missing import commands_for_missing
 from .threads import start_torch
 
 
 def run(options: Ablate) -> int:
-    """Run the ablation and write its report after every cell.
-
-    Raises:
-        InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
-    """
+    """Run the ablation and write its report after every cell."""
     for name in ("seeds", "steps", "walks"):
         if (value := getattr(options, name)) is not None and value < 1:
             raise InputError(f"--{name} {value}; valid: 1 or more")
@@ -24,7 +18,7 @@ def run(options: Ablate) -> int:
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path
     from ...ablation.cells import CellResult, measure
-    from ...ablation.page import markdown, write_page
+    from ...ablation.page import PAGE, markdown, write_page
     from ...ablation.plan import plan_ablation
     from ...ablation.results import results_json, write_results
 
@@ -41,8 +35,5 @@ def run(options: Ablate) -> int:
             value = results_json(ablation, cells)
             write_results(options.out, value)
             write_page(options.out, value)
-    if options.json:
-        sys.stdout.write(json.dumps({"out": str(options.out), **value}) + "\n")
-    else:
-        sys.stdout.write(f"{markdown(value)}\nreport: {options.out / 'report.html'}\n")
+    print_result(options, value, f"{markdown(value)}\nreport: {options.out / PAGE}")
     return int(any(result.failed for result in cells.values()))

@@ -36,11 +36,6 @@ def more_episodes(
 
     They are spread evenly over the scenes that the training's episodes lie in, and kept in
     `folder`. Texts are the composer's, of what the map alone shows.
-
-    Raises:
-        InputError: a scene or a held-out episode of the training is not in the run, or no path can
-            be found.
-        FileFormatError: `folder` holds episodes of other settings.
     """
     (robot,) = chosen_robots(options.robot)
     there, scenes = asked_episodes(run, None, None)

@@ -87,10 +87,6 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
 
     Returns:
         Files of the walks, in <out>/augmented; those that are there already are not made again.
-
-    Raises:
-        InputError: a scene of the training is not in the run, or no path can be found.
-        FileFormatError: <out>/augmented is of other settings.
     """
     folder = options.out / "augmented"
     episodes, scenes = more_episodes(options, run_of(options), planned, seed, folder)
@@ -118,9 +114,6 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
     """Let each model walk, and go on training with the expert's corrections of all rounds.
 
     An interrupted round is taken up where it stopped.
-
-    Raises:
-        FileFormatError: the walks of a round, in <out>/dagger-N/walks, are of other settings.
     """
     files: list[Path] = []
     for number in range(1, options.dagger + 1):

@@ -83,18 +83,13 @@ def collect_command(source: Source, data: Path) -> str:
 def _paths(ledger: Ledger) -> dict[str, int]:
     """Return on how many paths a run's robots have walked, by scene."""
     found: dict[str, set[str]] = {}
-    for row in ledger.rows("replay"):
-        if row.status == "done":
-            found.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
+    for row in ledger.done("replay"):
+        found.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
     return {scene: len(paths) for scene, paths in found.items()}
 
 
 def run_of(options: Train) -> Path:
-    """Return the run folder whose episodes are walked.
-
-    Raises:
-        InputError: none is named.
-    """
+    """Return the run folder whose episodes are walked."""
     if options.run is None:
         raise InputError(
             "--validate, --augment and --dagger need the scenes and episodes of a run; name it "

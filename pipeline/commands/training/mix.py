@@ -1,6 +1,5 @@
 """`vlnpe mix`: show the training data that each mixture of a recipe selects."""
 
-import json
 import sys
 from typing import Any
 
@@ -12,15 +11,12 @@ from ....datasets.mixture.table import plan_json, plan_text
 from ....formats.core.atomic import write_json
 from ....formats.core.errors import InputError, check_name
 from ...options.training import Mix
+from ...summary import print_result
 from .missing import commands_for_missing
 
 
 def run(options: Mix) -> int:
-    """Plan the mixtures and print them.
-
-    Raises:
-        InputError: If the recipe is invalid, or the data does not exist.
-    """
+    """Plan the mixtures and print them."""
     check_name("draws", options.draws, ("episodes", "frames"))
     if not options.dry_run and options.out is None:
         raise InputError("vlnpe mix: pass --dry-run, or an output file with --out FILE.json")
@@ -40,7 +36,7 @@ def run(options: Mix) -> int:
         write_json(options.out, value | {"episodes": chosen})
         sys.stdout.write(f"{options.out}\n")
     if options.json:
-        sys.stdout.write(json.dumps(value) + "\n")
+        print_result(options, value, "")
     return 0
 
 

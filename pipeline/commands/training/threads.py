@@ -7,12 +7,7 @@ from ....formats.core.threads import available_cores
 
 
 def start_torch(threads: int) -> None:
-    """Import torch and limit it to `threads` threads; 0 takes one per core.
-
-    Raises:
-        InputError: The number is negative.
-        MissingExtraError: The extra `train` is not installed.
-    """
+    """Import torch and limit it to `threads` threads; 0 takes one per core."""
     if threads < 0:
         raise InputError(f"--threads {threads}: valid: 0 (one per core) and above")
     count = threads or available_cores()

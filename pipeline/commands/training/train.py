@@ -1,7 +1,5 @@
 """`vlnpe train`: train a policy on a mixture of a recipe."""
 
-import json
-import sys
 from dataclasses import replace
 from typing import Any
 
@@ -9,6 +7,7 @@ from ....formats.core.atomic import file_digest, sweep
 from ....formats.core.checkout import program
 from ....formats.core.errors import InputError
 from ...options.training import Train
+from ...summary import print_result
 from .missing import commands_for_missing, run_of
 from .threads import start_torch
 
@@ -20,11 +19,7 @@ _NO_WALKS = (
 
 
 def run(options: Train) -> int:
-    """Train, and print where the checkpoint is and how to evaluate it.
-
-    Raises:
-        InputError: If the recipe, settings or data are invalid, or the extra `train` is missing.
-    """
+    """Train, and print where the checkpoint is and how to evaluate it."""
     for name in ("validate", "augment", "dagger", "dagger_episodes"):
         if getattr(options, name) < 0:
             flag = "--" + name.replace("_", "-")
@@ -64,17 +59,15 @@ def run(options: Train) -> int:
             request = replace(request, augmented=walks)
         result = dagger(options, request, train_recipe(request))
     last = dict(result.curves[-1]) if result.curves else {}
-    if options.json:
-        value = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
-        sys.stdout.write(json.dumps(value) + "\n")
-        return 0
-    sys.stdout.write("\n" + "\n".join(_described(last)) + "\n")
-    sys.stdout.write(
-        f"\ncheckpoint: {result.checkpoint} (step {result.chosen})\n"
-        f"curves:     {options.out / CURVES}\n"
-        f"evaluate:   {program()} evaluate <run> --policy {result.checkpoint} --robot <robot>\n"
-    )
-    return 0
+    lines = [
+        "",
+        *_described(last),
+        f"\ncheckpoint: {result.checkpoint} (step {result.chosen})",
+        f"curves:     {options.out / CURVES}",
+        f"evaluate:   {program()} evaluate <run> --policy {result.checkpoint} --robot <robot>",
+    ]
+    facts = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
+    return print_result(options, facts, "\n".join(lines))
 
 
 def _changes(options: Train, train: Any) -> dict[str, Any]:

@@ -84,9 +84,6 @@ def run(
     Without a single episode there is no dataset, and none is left from before.
 
     Args:
-        context: ledger of the folder that `dataset` lies in, and workers.
-        items: the return value of `items`.
-        dataset: where it goes.
         facts: configuration and seeds for the provenance.
         language: give the dataset LeRobot's language column.
     """
@@ -122,9 +119,6 @@ def items(
     Args:
         frames: rows of the render stage by item; their outputs are relative to `root`.
         root: folder of the render stage's ledger.
-        dataset: where the files go.
-        robot: the robot of all of these.
-        depth_storage: see `check_depth_storage`.
         per_instruction: make one unit of each instruction, with the same frames.
         mcap: write MCAP files; otherwise that stage has no items.
     """
@@ -227,10 +221,8 @@ def dataset_item(
 
     Args:
         units: rows of the unit stage by item.
-        root: the ledger's folder.
         scenes: folder of the run's repaired scenes; those that are held out do not depend on the
             robot, so that no mixture of robots trains where another validates.
-        dataset: where it goes.
         facts: configuration and seeds for the provenance.
         language: give it LeRobot's language column.
     """

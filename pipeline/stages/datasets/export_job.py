@@ -21,8 +21,6 @@ class UnitJob:
     """Write one episode's share of a LeRobot dataset.
 
     Attributes:
-        out: unit folder.
-        depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
         number: which of the path's instructions the unit is of; None keeps all in one unit.
     """
@@ -62,8 +60,6 @@ class DatasetJob:
         scenes: folders of the scenes they lie in.
         all_scenes: names of all scenes of the run.
         made: facts of each unit's episode, for the provenance.
-        encoding: facts of the videos.
-        facts: configuration and seeds.
         code_sha256: digest of the code that made the episodes and their pixels.
         language: add LeRobot's language column.
     """

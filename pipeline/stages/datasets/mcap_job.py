@@ -27,9 +27,7 @@ class McapJob:
     """Write one episode's MCAP, which knows the dataset it belongs to.
 
     Attributes:
-        name: of the dataset.
         held_out: scenes that are held out for validation.
-        depth_storage: see `DEPTH_STORAGES`.
         review: what people decided about the instructions, if there is such a file.
         code_sha256: digest of the code that made the episode and its pixels.
         depth: holds the depth codes of `frames`, or nothing: then the video is decoded.

@@ -27,12 +27,7 @@ def filter_item(
     """Filter the stair episodes out of a VLN-CE file.
 
     Args:
-        source: the user's file.
         scenes: rows of the repair stage by scene id, for the rule `geometric`.
-        scenes_folder: of the repaired scenes.
-
-    Raises:
-        FileFormatError: not an episode file.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
     known = (scenes or {}) if GEOMETRIC in rules.rules else {}
@@ -53,10 +48,7 @@ def items(
 
     Args:
         sources: what each file's content depends on, by file.
-        scenes: rows of the repair stage by scene id.
-        folder: of the repaired scenes.
         outs: filled with the episode file of each item, by its name.
-        config: tolerances, and the footprint of the widest robot.
     """
     result = []
     for source, made in sources.items():

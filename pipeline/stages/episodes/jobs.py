@@ -58,8 +58,6 @@ class FilterJob:
     """Remove the episodes that climb stairs from a VLN-CE file.
 
     Attributes:
-        source: VLN-CE file.
-        out: VLN-CE file.
         scenes: folders of repaired scenes by name, for the rule `geometric`.
     """
 
@@ -88,13 +86,7 @@ class FilterJob:
 
 @dataclass(frozen=True)
 class AlignJob:
-    """Align VLN-CE episodes to repaired scenes.
-
-    Attributes:
-        source: VLN-CE file.
-        scenes: folders of repaired scenes by name.
-        out: episode file.
-    """
+    """Align VLN-CE episodes to repaired scenes."""
 
     source: Path
     scenes: Mapping[str, Path]

@@ -29,7 +29,6 @@ def sample_item(
     """Sample trajectories in one repaired scene into the episode file `out`.
 
     Args:
-        scene: row of the repair stage.
         quotas: paths by split; by default the count and split of `config`.
     """
     job = SampleJob(scenes / scene.item, out, config, seed, dict(quotas or {}))
@@ -86,13 +85,9 @@ def check_complete(
     """Raise, or warn, unless every scene holds the paths that were planned for it.
 
     Args:
-        rows: of this stage.
         planned: paths by split, by scene.
         exact: a shortage is an error; otherwise it is logged.
         before: of earlier stages, which say why a scene was not sampled.
-
-    Raises:
-        InputError: names each scene that cannot hold its share, how many it holds, and what would.
     """
     lost = {row.item: row for row in before if row.status == "quarantined"}
     outcomes = lost | {row.item: row for row in rows}
@@ -152,7 +147,6 @@ def merge(
     """Join episode files into one per split; episodes of one path become one record in memory.
 
     Args:
-        parts: episode files, in order.
         out: the file of a split.
         expand: write one episode per instruction; otherwise the files have the parts' own
             episodes.

@@ -36,8 +36,6 @@ def items(
     """Return one item per episode.
 
     Args:
-        scenes: rows of the repair stage by scene id.
-        policy: as the user has chosen it.
         identity: what the policy is now; see `PolicyChoice.identity`.
         expert_share: see `EvaluateJob`; walks with one are labelled `dagger`.
     """

@@ -24,7 +24,6 @@ class EvaluateJob:
     """Let a policy walk one episode and record it.
 
     Attributes:
-        policy: as the user has chosen it.
         models: folder where compiled models are kept.
         expert_share: let the expert take this share of the actions and label all of them; None
             lets the policy walk alone.

@@ -28,7 +28,6 @@ class InstructJob:
     Attributes:
         seen: What the camera sees along the paths, one record per scene; without any, the facts
             come from the map alone.
-        facts: Facts records to write.
         cache: Folder of a language model's answers.
         per_instruction: Write one episode per instruction; a path then has several.
         named: What a vision-language model named in scenes without labels, one record per scene.
@@ -91,11 +90,7 @@ class InstructJob:
 
 
 def read_sights(paths: Sequence[Path]) -> Visibility | None:
-    """Read what is seen along the paths of several scenes; None without any record.
-
-    Raises:
-        FileFormatError: If a record cannot be read.
-    """
+    """Read what is seen along the paths of several scenes; None without any record."""
     return read_visibility(*paths) if paths else None
 
 

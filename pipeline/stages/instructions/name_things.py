@@ -38,7 +38,6 @@ class NameThingsJob:
         robot: The robot whose camera looks.
         every: Also along paths that have an instruction already.
         cache: Folder of the model's answers.
-        out: Record to write.
     """
 
     scene: Path
@@ -101,9 +100,7 @@ def views_along(bundle: SceneBundle, episodes: Sequence[Episode], robot: RobotSp
     """Return frames along the paths of episodes, each picture once.
 
     Args:
-        bundle: their scene.
         episodes: those of one trajectory share a path.
-        robot: its camera looks.
     """
     eye = StandingEye(robot)
     ray = eye.camera.pixel_rays()

@@ -28,9 +28,6 @@ class Sight:
     """How the paths of scenes are looked at before they are instructed.
 
     Attributes:
-        scenes: folder of repaired scenes.
-        files: where the records go.
-        robot: the robot whose camera looks.
         every: look also along paths that have an instruction already.
     """
 
@@ -40,11 +37,7 @@ class Sight:
     every: bool
 
     def look(self, source: Row, episodes: Path) -> WorkItem:
-        """Return the item that looks along the paths of one scene.
-
-        Args:
-            source: row of the stage that made `episodes`.
-        """
+        """Return the item that looks along the paths of one scene."""
         out = self.files.seen(source.item)
         scene = self.scenes / scene_of_part(source.item)
         job = LookJob(scene, episodes, out, self.robot, self.every)
@@ -57,7 +50,6 @@ class Sight:
         """Return the item that names the things and rooms of one scene.
 
         Args:
-            cache: folder of the model's answers.
             made_of: keys of the items that made the scene and the episodes.
         """
         out = self.files.named(scene)

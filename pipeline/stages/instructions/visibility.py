@@ -42,8 +42,6 @@ class LookJob:
     """Look along the paths of one scene's episodes.
 
     Attributes:
-        out: visibility record.
-        robot: the robot whose camera looks.
         every: also along paths that have an instruction already.
     """
 

@@ -58,9 +58,7 @@ def items(
     """Return one item per rollout: a frame folder `<robot>/<controller>/<view>/<episode>`.
 
     Args:
-        frames_per_second: Frame rate of the videos [1/s].
         base: Folder of the ledger that will hold these items.
-        rgb_codec: Key of `formats.video.RGB_CODECS`.
         extras: Further videos; none by default.
     """
     extras = extras or Extras()
@@ -90,11 +88,7 @@ def items(
 def video_items(
     recorded: Recorded, view: View, frames_per_second: int, videos: Path
 ) -> list[WorkItem]:
-    """Return one item per rollout: a preview `<robot>/<controller>/<view>/<episode>.mp4`.
-
-    Args:
-        frames_per_second: Frame rate of the videos [1/s].
-    """
+    """Return one item per rollout: a preview `<robot>/<controller>/<view>/<episode>.mp4`."""
     result = []
     for take in _takes(recorded, view):
         view = take.view

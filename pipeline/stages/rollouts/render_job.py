@@ -23,10 +23,7 @@ class RenderJob:
     """Render one rollout into a frame folder.
 
     Attributes:
-        scene: folder of the repaired scene.
-        rollout: rollout file.
         relative: the same, relative to the folder of the ledger that records this item.
-        rgb_codec: key of `RGB_CODECS`.
         depth: is left the depth codes.
     """
 

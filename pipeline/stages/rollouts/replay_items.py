@@ -46,7 +46,6 @@ def items(
     """Return one item per episode of one robot under one controller.
 
     Args:
-        scenes: rows of the repair stage by scene id.
         models: folder where compiled models are kept.
         label: see `label_of`; by default the controller's name.
     """

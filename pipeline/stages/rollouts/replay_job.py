@@ -65,9 +65,6 @@ class ReplayJob:
 def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> ItemResult:
     """Write a rollout and return its facts for the ledger.
 
-    Args:
-        scene: name of the scene.
-
     Raises:
         DivergedError: physics exploded; the last state lies beside where the rollout would be.
     """

@@ -50,11 +50,7 @@ def scan_item(building: BuiltIn, folder: Path, splats: bool = False) -> WorkItem
 
 
 def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> list[WorkItem]:
-    """Return one item per scan; `sources` are files by scene id.
-
-    Raises:
-        FileFormatError: a source does not exist or is not a file.
-    """
+    """Return one item per scan; `sources` are files by scene id."""
     return [
         item(source, scenes / scene_id, replace(config, scene_id=scene_id))
         for scene_id, source in sources.items()
@@ -62,11 +58,7 @@ def items(sources: Mapping[str, Path], config: RepairConfig, scenes: Path) -> li
 
 
 def item(source: Path, out: Path, config: RepairConfig) -> WorkItem:
-    """Repair one scan into the scene folder `out`.
-
-    Raises:
-        FileFormatError: If the source does not exist, is not a file, or is not a scan by its name.
-    """
+    """Repair one scan into the scene folder `out`."""
     check_scan(source)
     job = (SplatRepairJob if is_splats(source) else RepairJob)(source, out, config)
     named: dict[str, object] = {"scan": source_digest(source)}
@@ -106,11 +98,7 @@ def check_items(repaired: Mapping[str, Row], scenes: Path, allow_unsound: bool) 
 
 
 def rows_of(folder: Path) -> dict[str, Row]:
-    """Return a ledger row for every scene in a folder; see `scene_rows`.
-
-    Raises:
-        InputError: If `folder` contains no repaired scene.
-    """
+    """Return a ledger row for every scene in a folder; see `scene_rows`."""
     return scene_rows(scenes_in(folder.resolve()).values())
 
 
@@ -118,9 +106,6 @@ def scene_rows(scenes: Iterable[Path]) -> dict[str, Row]:
     """Return a ledger row for each repaired scene by name, as if this stage had written it.
 
     The key hashes the scene's index file, which the repair writes last and never changes.
-
-    Raises:
-        InputError: If two scenes have one name.
     """
     rows: dict[str, Row] = {}
     for path in scenes:
@@ -149,11 +134,7 @@ def check_scan(source: Path) -> None:
 
 
 def source_digest(source: Path) -> str:
-    """Return the digest of a scan and of the files beside it that it may refer to.
-
-    Raises:
-        FileFormatError: missing, not a file, or among very many others.
-    """
+    """Return the digest of a scan and of the files beside it that it may refer to."""
     if source.is_dir():
         raise FileFormatError(source, _IS_FOLDER)
     check_input(source, max_bytes=limits().scan_bytes)

@@ -12,11 +12,7 @@ from .outputs import write_scene
 
 @dataclass(frozen=True)
 class RepairJob:
-    """Turn one scan into a simulation-ready scene.
-
-    Attributes:
-        config: how; names the scene.
-    """
+    """Turn one scan into a simulation-ready scene."""
 
     source: Path
     out: Path

@@ -11,7 +11,6 @@ class SoundnessJob:
     """Accept or refuse a repaired scene.
 
     Attributes:
-        problems: what is wrong with it.
         allow_unsound: let it pass all the same.
     """
 
@@ -20,11 +19,7 @@ class SoundnessJob:
     allow_unsound: bool
 
     def run(self) -> ItemResult:
-        """Check one scene.
-
-        Raises:
-            SceneError: it is not sound, and may not be.
-        """
+        """Check one scene."""
         if self.problems and not self.allow_unsound:
             raise SceneError(
                 f"{self.scene_id} is not sound: {'; '.join(self.problems)}. Look at after.png and "
