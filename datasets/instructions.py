@@ -1,4 +1,4 @@
-"""Which of a path's instructions an item gets."""
+"""Choice among a path's instructions."""
 
 import hashlib
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ CHOICES = (OWN, ANY)
 
 @dataclass(frozen=True)
 class InstructionChoice:
-    """Which of a path's instructions a loader returns.
+    """A choice among a path's instructions.
 
     Attributes:
         choice: `own` is the episode's first text, always; `any` draws one of all its texts.

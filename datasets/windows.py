@@ -24,7 +24,7 @@ _EPISODES_KEPT = 4  # rows of the episodes read last; neighbours are often asked
 
 @dataclass(frozen=True)
 class WindowConfig:
-    """What a window holds.
+    """Contents of a window.
 
     Attributes:
         future: number of poses ahead.

@@ -1,4 +1,4 @@
-"""What a policy is shown: the robot's camera, the instruction, its own body and past."""
+"""Observations of a policy: the robot's camera, the instruction, its own body and past."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -62,7 +62,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Labels:
-    """What each pixel shows, from the renderer: an oracle that no robot has.
+    """The thing in each pixel, from the renderer: an oracle that no robot has.
 
     Attributes:
         thing: (H, W) int32 index into `categories`; negative = nothing, or the robot itself.
@@ -76,7 +76,7 @@ class Labels:
 
 @dataclass(frozen=True)
 class Observation:
-    """What a policy sees at one step, while physics stands still.
+    """An observation at one step, while physics stands still.
 
     Attributes:
         rgb: (H, W, 3) uint8 sRGB of the robot's own camera.

@@ -18,7 +18,7 @@ class PolicyError(VlnpeError):
 
 @dataclass(frozen=True)
 class Assignment:
-    """What a policy knows when an episode starts: neither the goal nor the path.
+    """The facts that a policy gets when an episode starts: neither the goal nor the path.
 
     Attributes:
         robot, controller: names of what carries the actions out.
@@ -43,7 +43,7 @@ class Assignment:
 
 @dataclass(frozen=True)
 class ModelUse:
-    """How much of a model behind a server a policy may use, and where its answers are kept.
+    """Limits of a model behind a server, and the folder of its answers.
 
     Attributes:
         cache: folder of answers, and of the count of what was used.

@@ -62,9 +62,9 @@ def download_pip():
 def find_python():
     """Return a Python 3.12 or 3.13, on PATH or of pyenv; empty if there is none."""
     pyenv = os.environ.get("PYENV_ROOT") or str(Path.home() / ".pyenv")
-    found = sorted(glob.glob(pyenv + "/versions/3.1[23].*/bin/python3"))
+    versions = sorted(glob.glob(pyenv + "/versions/3.1[23].*/bin/python3"))
     test = "import sys; print(sys.executable if (3, 12) <= sys.version_info < (3, 14) else '')"
-    names = ("python3.12", "python3.13", "python3", *found)
+    names = ("python3.12", "python3.13", "python3", *versions)
     return next(filter(None, (output(name, "-c", test) for name in names)), "")
 
 

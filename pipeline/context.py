@@ -85,16 +85,16 @@ def _opened(
             if new and left <= {MANIFEST_NAME, QUARANTINE_NAME, LOCK_NAME}:
                 shutil.rmtree(folder.root)
             elif not options.only:
-                error.hints += what_is_kept(folder.root)
+                error.hints += resumption_hint(folder.root)
             raise
         except BaseException as error:
             sweep_unlocked(folder.root)  # of the workers that were ended
             if isinstance(error, VlnpeError):
-                error.hints += what_is_kept(folder.root)
+                error.hints += resumption_hint(folder.root)
             raise
 
 
-def what_is_kept(root: Path) -> tuple[str, ...]:
+def resumption_hint(root: Path) -> tuple[str, ...]:
     """Return the line for a user whose run has failed: what its folder keeps; none if nothing."""
     done = Counter(row.stage for row in Ledger(root).done())
     if not done:

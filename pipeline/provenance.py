@@ -1,4 +1,4 @@
-"""How a dataset was made: the values of meta/provenance.json."""
+"""The provenance of a dataset: the values of meta/provenance.json."""
 
 import json
 from collections import Counter
@@ -24,9 +24,9 @@ MAKING = (
     "policy_rate_hz",
     "mujoco",
 )
-# Of an instruction; models and prompts are those of a language model, where one wrote it.
+# Facts of an instruction; model and prompts are those of a language model, if one wrote it.
 WRITING = ("composer", "model", "prompt_sha256", "temperature")
-# Of the vision-language model that named things for an instruction, where one did.
+# Facts of the vision-language model that named things for an instruction, if one did.
 SEEING = ("vision_model", "vision_prompt_sha256")
 
 
@@ -62,7 +62,7 @@ def provenance(
     """
     rollouts = [episode["rollout"] for episode in episodes]
     written = [episode["instruction"] for episode in episodes]
-    recorded = (*WRITING, *(key for key in SEEING if any(key in one for one in written)))
+    recorded = (*WRITING, *(key for key in SEEING if any(key in entry for entry in written)))
     creation = {
         key: _distinct(rollout[key] for rollout in rollouts)
         for key in (*MAKING, "controller_sha256")
@@ -76,7 +76,7 @@ def provenance(
         "seeds": {"run": options.get("seed"), "replay": creation.pop("seed")},
         "policy_sha256": creation.pop("policy_sha256"),
         "replay": creation,
-        "instructions": {key: _counted(one.get(key) for one in written) for key in recorded},
+        "instructions": {key: _counted(entry.get(key) for entry in written) for key in recorded},
         "encoding": dict(encoding),
         **facts,
     }

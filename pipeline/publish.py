@@ -23,7 +23,7 @@ TAG = re.compile(r"[A-Za-z][A-Za-z0-9._-]{0,95}")
 # LeRobot takes tags that look like versions to be versions of the format.
 VERSION_LIKE = re.compile(r"v?\d+(\.\d+)*", re.IGNORECASE)
 DATASET, ENV = "dataset", "model"  # kinds of repositories; LeRobot looks for env.py in the latter
-# Of an earlier release; replaced as a whole.
+# Files of an earlier release; replaced as a whole.
 OURS = {
     DATASET: ["data/*", "meta/*", "videos/*", f"{ROLLOUTS_PATH.partition('/')[0]}/*", "*.png"],
     ENV: ["scenes/*", "robots/*"],
@@ -39,7 +39,7 @@ class HubError(VlnpeError):
 
 @dataclass(frozen=True)
 class Release:
-    """What would be uploaded.
+    """A release that can be uploaded.
 
     Attributes:
         tag: of the release; it never moves.
@@ -239,12 +239,12 @@ def _content(root: Path, files: Mapping[str, int]) -> str:
 def _refusals(scenes: Any) -> tuple[str, ...]:
     if not isinstance(scenes, dict) or not scenes:
         return (f"{PROVENANCE_PATH} names no scene, so {why_not(UNKNOWN)}",)
-    found = {
+    licences = {
         name: licence_id(str((source or {}).get("licence") or ""))
         for name, source in scenes.items()
     }
     return tuple(
         f"scene {name}: {why_not(licence)}"
-        for name, licence in found.items()
+        for name, licence in licences.items()
         if not may_pass_on(licence)
     )

@@ -1,4 +1,4 @@
-"""What commands print when they have finished."""
+"""The output of commands that have finished."""
 
 import json
 import logging

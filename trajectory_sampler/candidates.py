@@ -48,8 +48,8 @@ class Candidate:
 
 
 @dataclass
-class Kept:
-    """The paths kept on one level, as drawing the next one needs them.
+class AcceptedPaths:
+    """The paths accepted on one level, as drawing the next one needs them.
 
     Attributes:
         index: their stations, by number.
@@ -71,7 +71,7 @@ class Kept:
         self.splits.append(split)
 
     def add(self, candidate: Candidate) -> None:
-        """Remember a kept path."""
+        """Remember an accepted path."""
         self.avoid(candidate.reference_m, candidate.split)
         self.visits[candidate.ends] += 1
         length = int(path_length(candidate.reference_m) / LENGTH_BIN_M)
@@ -81,7 +81,7 @@ class Kept:
 
 def from_one_start(
     level: Level,
-    kept: Kept,
+    accepted: AcceptedPaths,
     split: str,
     gap_m: float,
     config: SampleConfig,
@@ -89,27 +89,28 @@ def from_one_start(
 ) -> Iterator[Candidate | str]:
     """Draw one start and try goals from it: candidates, or the reason why one is dropped.
 
-    The start lies in a room that few kept paths start from. The goal's distance is the one that the
-    split lacks most, measured by the target of `config`; of the places that far away, those behind
-    as many doors as few kept paths have passed are taken, in a room that few go to from here.
+    The start lies in a room that few accepted paths start from. The goal's distance is the one
+    that the split lacks most, measured by the target of `config`; of the places that far away,
+    those behind as many doors as few accepted paths have passed are taken, in a room that few go to
+    from here.
 
     Args:
         gap_m: least distance from every other path [m].
     """
-    left = Counter(from_room for from_room, _ in kept.visits.elements())
+    left = Counter(from_room for from_room, _ in accepted.visits.elements())
     room = _least(np.unique(level.rooms), left, rng)
     start = level.cells_m[rng.choice(np.flatnonzero(level.rooms == room))]
     near = distance_field(level.freemap, start, level.radius_m)
-    way = near.distance_m[level.cells[:, 0], level.cells[:, 1]]
+    distance_m = near.distance_m[level.cells[:, 0], level.cells[:, 1]]
     agent = distance_field(level.freemap, start, AGENT_RADIUS_M)
     least = agent.distance_m[level.cells[:, 0], level.cells[:, 1]]
-    fits = (least >= config.min_length_m) & (way <= config.max_length_m)
+    fits = (least >= config.min_length_m) & (distance_m <= config.max_length_m)
     if level.min_crossings:
         fits &= level.rooms != room
     if not fits.any():
         yield "no_goal_in_range"
         return
-    fits &= ~_taken(level, kept, split, start, gap_m, config)
+    fits &= ~_taken(level, accepted, split, start, gap_m, config)
     tight = near
     if config.robot_radius_m != level.radius_m and fits.any():
         tight = distance_field(level.freemap, start, config.robot_radius_m)
@@ -117,20 +118,22 @@ def from_one_start(
         if not fits.any():
             yield "too_similar"
             return
-        pool = _of_missing_length(way, fits, kept, split, config)
+        pool = _of_missing_length(distance_m, fits, accepted, split, config)
         hops = level.hops[room, level.rooms]
-        wanted = _least(
-            np.unique(hops[pool]), Counter({n: kept.crossed[(split, n)] for n in range(99)}), rng
+        hop_count = _least(
+            np.unique(hops[pool]),
+            Counter({n: accepted.crossed[(split, n)] for n in range(99)}),
+            rng,
         )
-        pool &= hops == wanted
+        pool &= hops == hop_count
         goal_rooms = np.unique(level.rooms[pool])
         used = Counter(
-            {r: kept.visits[room, r] + kept.visits[r, room] for r in goal_rooms.tolist()}
+            {r: accepted.visits[room, r] + accepted.visits[r, room] for r in goal_rooms.tolist()}
         )
         goal_room = _least(goal_rooms, used, rng)
         pool &= level.rooms == goal_room
         goal = level.cells_m[rng.choice(np.flatnonzero(pool))]
-        yield _judge(level, kept, split, goal, gap_m, (tight, agent), config)
+        yield _judge(level, accepted, split, goal, gap_m, (tight, agent), config)
         # Another try goes elsewhere.
         fits &= np.linalg.norm(level.cells_m - goal, axis=1) > 0.5 * gap_m
 
@@ -144,9 +147,14 @@ def turning_deg(path_m: Array) -> float:
 
 
 def _taken(
-    level: Level, kept: Kept, split: str, start: Array, gap_m: float, config: SampleConfig
+    level: Level,
+    accepted: AcceptedPaths,
+    split: str,
+    start: Array,
+    gap_m: float,
+    config: SampleConfig,
 ) -> NDArray[np.bool_]:
-    """Return which cells (N,) make goals of paths that would be too near to a kept one.
+    """Return which cells (N,) make goals of paths that would be too near to an accepted one.
 
     The Fréchet distance of two paths is at least that of their starts and of their goals, and
     between the same ends there is mostly one way only: planning such a path would be wasted.
@@ -158,35 +166,39 @@ def _taken(
     def block(paths: Sequence[int], own_end: int, far_end: int) -> None:
         nonlocal taken
         for number in paths:
-            path = kept.index.paths[number]
-            same = kept.splits[number] == split
+            path = accepted.index.paths[number]
+            same = accepted.splits[number] == split
             if same and own_end != 0:
                 continue  # the way back is another path of the same split
             within = gap_m if same else max(gap_m, config.family_gap_m)
             if np.linalg.norm(path[own_end] - start) < within:
                 taken |= np.linalg.norm(level.cells_m - path[far_end], axis=1) < within
 
-    block(kept.index.starting_near(start), 0, -1)
-    block(kept.index.ending_near(start), -1, 0)
+    block(accepted.index.starting_near(start), 0, -1)
+    block(accepted.index.ending_near(start), -1, 0)
     return taken
 
 
 def _of_missing_length(
-    way: Array, fits: NDArray[np.bool_], kept: Kept, split: str, config: SampleConfig
+    distance_m: Array,
+    fits: NDArray[np.bool_],
+    accepted: AcceptedPaths,
+    split: str,
+    config: SampleConfig,
 ) -> NDArray[np.bool_]:
-    """Return those of `fits` (N,) whose distance `way` (N,) [m] the split lacks most."""
-    bins = np.where(fits, way, 0.0) // LENGTH_BIN_M
+    """Return those of `fits` (N,) whose distance (N,) [m] the split lacks most."""
+    bins = np.where(fits, distance_m, 0.0) // LENGTH_BIN_M
     there = np.unique(bins[fits]).astype(int)
     middle = (there + 0.5) * LENGTH_BIN_M
     target = np.exp(-0.5 * ((middle - config.typical_length_m) / config.length_spread_m) ** 2)
-    have = np.array([kept.lengths[(split, int(b))] for b in there])
+    have = np.array([accepted.lengths[(split, int(b))] for b in there])
     missing = there[int(np.argmin((have + 1) / np.maximum(target, 1e-6)))]
     return fits & (bins == missing)
 
 
 def _judge(
     level: Level,
-    kept: Kept,
+    accepted: AcceptedPaths,
     split: str,
     goal: Array,
     gap_m: float,
@@ -237,11 +249,11 @@ def _judge(
     if len(crossed) < level.min_crossings:
         return "same_room"
     own = stations(reference)
-    near = kept.index.near(own)
+    near = accepted.index.near(own)
     if any(gap < gap_m for gap in near.values()):
         return "too_similar"
-    family = [*near.items(), *kept.index.near(own[::-1].copy()).items()]
-    if any(gap < config.family_gap_m and kept.splits[k] != split for k, gap in family):
+    family = [*near.items(), *accepted.index.near(own[::-1].copy()).items()]
+    if any(gap < config.family_gap_m and accepted.splits[k] != split for k, gap in family):
         return "family_of_another_split"
     if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
         return "unsafe"

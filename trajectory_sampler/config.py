@@ -1,4 +1,4 @@
-"""What to sample."""
+"""Settings of the sampler."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ HEADINGS = (ALONG_PATH, RANDOM)
 
 @dataclass(frozen=True)
 class SampleConfig:
-    """What to sample.
+    """The number and kind of paths to sample.
 
     Attributes:
         count: how many paths, where no quotas are given.

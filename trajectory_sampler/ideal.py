@@ -38,12 +38,12 @@ def ideal_actions(path_m: NDArray[np.float64], start_yaw_rad: float) -> list[int
             break
         aim = points[min(at + _AHEAD, last)]
         error = math.remainder(math.atan2(aim[1] - y, aim[0] - x) - yaw, math.tau)
-        wanted = Action.LEFT if error > 0 else Action.RIGHT
-        enough = 0.5 if turned in (Action.FORWARD, wanted) else 1.0
+        turn = Action.LEFT if error > 0 else Action.RIGHT
+        enough = 0.5 if turned in (Action.FORWARD, turn) else 1.0
         if abs(error) > enough * TURN_STEP_RAD:
-            yaw += TURN_STEP_RAD * (1 if wanted == Action.LEFT else -1)
-            actions.append(int(wanted))
-            turned = wanted
+            yaw += TURN_STEP_RAD * (1 if turn == Action.LEFT else -1)
+            actions.append(int(turn))
+            turned = turn
         else:
             x, y = ahead
             actions.append(int(Action.FORWARD))

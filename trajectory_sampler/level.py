@@ -78,10 +78,10 @@ def open_level(
     area = float(wide.sum()) * freemap.grid.cell_m**2
     rooms = regions.at(freemap.grid.center_of(cells)).reshape(-1)
     cells, rooms = cells[rooms >= 0], rooms[rooms >= 0]
-    wanted = config.min_crossings if len(np.unique(rooms)) > 1 else 0
+    min_crossings = config.min_crossings if len(np.unique(rooms)) > 1 else 0
     return Level(
         index, freemap, regions, cells, freemap.grid.center_of(cells), rooms, room_hops(regions),
-        area, radius_m, wanted, view,
+        area, radius_m, min_crossings, view,
     )  # fmt: skip
 
 
@@ -139,7 +139,7 @@ def _sweep(freemap: Freemap, cells: NDArray[np.bool_], radius_m: float, enough_m
         if end is None or longest >= enough_m:
             break
         field = distance_field(freemap, freemap.grid.center_of(end), radius_m)
-        way = field.distance_m[places[:, 0], places[:, 1]]
-        way = np.where(np.isfinite(way), way, 0.0)
-        end, longest = places[int(np.argmax(way))], float(way.max())
+        distance_m = field.distance_m[places[:, 0], places[:, 1]]
+        distance_m = np.where(np.isfinite(distance_m), distance_m, 0.0)
+        end, longest = places[int(np.argmax(distance_m))], float(distance_m.max())
     return longest

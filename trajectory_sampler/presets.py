@@ -1,4 +1,4 @@
-"""How many paths each scene holds per split: published sets, or your own."""
+"""Numbers of paths per scene and split: published sets, or your own."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -72,10 +72,10 @@ def choose_seen(
         chosen = [scene for scene in scenes if scene in set(named)]
     else:
         share = round(len(scenes) * seen / max(1, seen + unseen))
-        wanted = count or (share if unseen else len(scenes))
+        number = count or (share if unseen else len(scenes))
         if unseen and not count:
-            wanted = min(wanted, len(scenes) - 1)
-        chosen = list(scenes[: max(wanted, 1 if seen else 0)])
+            number = min(number, len(scenes) - 1)
+        chosen = list(scenes[: max(number, 1 if seen else 0)])
     if unseen and len(chosen) >= len(scenes):
         split = next(split for split in splits if not is_seen(split))
         raise InputError(
@@ -106,8 +106,8 @@ def plan_quotas(
     result: dict[str, dict[str, int]] = {scene: {} for scene in scenes}
     for kind in (True, False):
         own = [scene for scene in scenes if (scene in seen) == kind]
-        wanted = {split: n for split, n in splits.items() if is_seen(split) == kind and n}
-        total = sum(wanted.values())
+        requested = {split: n for split, n in splits.items() if is_seen(split) == kind and n}
+        total = sum(requested.values())
         if not total:
             continue
         set_here = {scene: fixed[scene] for scene in own if scene in fixed}
@@ -115,21 +115,21 @@ def plan_quotas(
         left = total - sum(set_here.values())
         if left < 0 or (left and not free):
             raise InputError(
-                f"{', '.join(wanted)} ask for {total} paths, the quotas of their scenes for "
+                f"{', '.join(requested)} ask for {total} paths, the quotas of their scenes for "
                 f"{sum(set_here.values())}; valid: quotas that leave the rest to other scenes"
             )
         sizes = set_here | dict(zip(free, _even(left, len(free)), strict=True))
-        _deal(wanted, sizes, result)
+        _deal(requested, sizes, result)
     return {scene: quota for scene, quota in result.items() if quota}
 
 
 def _deal(
-    wanted: Mapping[str, int], sizes: Mapping[str, int], result: dict[str, dict[str, int]]
+    requested: Mapping[str, int], sizes: Mapping[str, int], result: dict[str, dict[str, int]]
 ) -> None:
     """Divide each scene's paths among splits so that both kinds of sum are exact."""
     room = dict(sizes)
     left = sum(sizes.values())
-    for split, count in wanted.items():
+    for split, count in requested.items():
         # Cumulative rounding: every scene gets its share of the split, to within one path.
         before, given = 0, 0
         for scene in sizes:

@@ -11,7 +11,7 @@ from ..formats.core.episode import Episode
 from ..formats.core.errors import SceneError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from .candidates import Candidate, Kept, from_one_start
+from .candidates import AcceptedPaths, Candidate, from_one_start
 from .config import SampleConfig
 from .level import Level, longest_way, open_level, regions_of
 from .record import episode_of, similarity_groups
@@ -83,47 +83,52 @@ def sample_episodes(
         SceneError: not a single path can be found; the message counts the reasons.
     """
     # The smallest split first: the large ones fill what is left around its families.
-    wanted = dict(sorted((quotas or {config.split: config.count}).items(), key=lambda q: q[1]))
+    requested = dict(sorted((quotas or {config.split: config.count}).items(), key=lambda q: q[1]))
     # Headings have a stream of their own, so that the first paths of a larger count are those of a
     # smaller one. Between quotas paths compete, and fixed sets are known by digest.
     headings = rng if quotas else rng.spawn(1)[0]
     search = _Search(bundle, config, rng)
     for episode in avoid:
         search.by_level[episode.level].avoid(episode.reference_path_world_m)
-    kept: list[Candidate] | None = None
+    accepted: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None
     clear_for_m = config.robot_radius_m
     for radius_m, gap_m, view_m in _attempts(config):
-        if gap_m < config.min_gap_m and kept is None and not config.relax:
-            kept = list(search.kept)  # what counts; from here on it is only advice
-        search.fill(wanted, radius_m, gap_m, view_m)
-        if search.complete(wanted):
-            enough_at_m = gap_m if kept is not None else None
-            clear_for_m = radius_m if kept is None else clear_for_m
+        if gap_m < config.min_gap_m and accepted is None and not config.relax:
+            accepted = list(search.accepted)  # what counts; from here on it is only advice
+        search.fill(requested, radius_m, gap_m, view_m)
+        if search.complete(requested):
+            enough_at_m = gap_m if accepted is not None else None
+            clear_for_m = radius_m if accepted is None else clear_for_m
             break
-    kept = search.kept if kept is None else kept
-    total = sum(wanted.values())
-    missing = {s: n - sum(c.split == s for c in kept) for s, n in wanted.items()}
+    accepted = search.accepted if accepted is None else accepted
+    total = sum(requested.values())
+    missing = {s: n - sum(c.split == s for c in accepted) for s, n in requested.items()}
     missing = {split: n for split, n in missing.items() if n}
-    if not kept:
+    if not accepted:
         raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
     result = SampleResult(
-        _episodes(bundle, kept, wanted, config, headings), total, dict(search.dropped), missing,
-        gap_m if config.relax else config.min_gap_m, clear_for_m, enough_at_m,
-    )  # fmt: skip
-    _warn(bundle, kept, config, result)
+        episodes=_episodes(bundle, accepted, requested, config, headings),
+        requested=total,
+        dropped=dict(search.dropped),
+        missing=missing,
+        gap_m=gap_m if config.relax else config.min_gap_m,
+        clear_for_m=clear_for_m,
+        enough_at_m=enough_at_m,
+    )
+    _warn(bundle, accepted, config, result)
     return result
 
 
 @dataclass
 class _Search:
-    """The search in one scene: what is open, what is kept, what was dropped."""
+    """The search in one scene: what is open, what is accepted, what was dropped."""
 
     bundle: SceneBundle
     config: SampleConfig
     rng: np.random.Generator
-    kept: list[Candidate] = field(default_factory=list)
+    accepted: list[Candidate] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
 
     def __post_init__(self):
@@ -131,12 +136,12 @@ class _Search:
         self.view = SceneView(self.bundle)
         reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
         measure = self.config.similarity
-        self.by_level = [Kept(PathIndex(reach_m, measure)) for _ in self.regions]
+        self.by_level = [AcceptedPaths(PathIndex(reach_m, measure)) for _ in self.regions]
         self.opened: dict[float, list[Level]] = {}
 
-    def complete(self, wanted: Mapping[str, int]) -> bool:
+    def complete(self, requested: Mapping[str, int]) -> bool:
         """Return whether every split has what it wants."""
-        return len(self.kept) == sum(wanted.values())
+        return len(self.accepted) == sum(requested.values())
 
     def levels(self, radius_m: float) -> list[Level]:
         """Return the levels on which an episode may start, for paths with so much clearance."""
@@ -148,19 +153,21 @@ class _Search:
             self.opened[radius_m] = [level for level in opened if len(level.cells)]
         return self.opened[radius_m]
 
-    def fill(self, wanted: Mapping[str, int], radius_m: float, gap_m: float, view_m: float) -> None:
+    def fill(
+        self, requested: Mapping[str, int], radius_m: float, gap_m: float, view_m: float
+    ) -> None:
         """Add paths split by split until there are enough, or patience runs out."""
         levels = self.levels(radius_m)
         config = replace(self.config, min_view_m=view_m)
-        for split, count in wanted.items():
-            have = sum(c.split == split for c in self.kept)
+        for split, count in requested.items():
+            have = sum(c.split == split for c in self.accepted)
             starts = failed = 0
             while levels and have < count and failed < self.config.patience * len(levels):
                 level = levels[starts % len(levels)]
                 starts += 1
-                found = self._one(level, split, gap_m, config)
-                have += found
-                failed = 0 if found else failed + 1
+                added = self._one(level, split, gap_m, config)
+                have += added
+                failed = 0 if added else failed + 1
 
     def _one(self, level: Level, split: str, gap_m: float, config: SampleConfig) -> bool:
         here = self.by_level[level.index]
@@ -169,7 +176,7 @@ class _Search:
                 self.dropped[outcome] += 1
                 continue
             here.add(outcome)
-            self.kept.append(outcome)
+            self.accepted.append(outcome)
             return True
         return False
 
@@ -192,17 +199,17 @@ def _attempts(config: SampleConfig) -> list[tuple[float, float, float]]:
 
 def _episodes(
     bundle: SceneBundle,
-    kept: Sequence[Candidate],
-    wanted: Mapping[str, int],
+    accepted: Sequence[Candidate],
+    requested: Mapping[str, int],
     config: SampleConfig,
     rng: np.random.Generator,
 ) -> list[Episode]:
-    groups = similarity_groups([(c.level, c.reference_m) for c in kept], config)
-    made = [
+    groups = similarity_groups([(c.level, c.reference_m) for c in accepted], config)
+    episodes = [
         episode_of(bundle, candidate, number, group, config, rng)
-        for number, (candidate, group) in enumerate(zip(kept, groups, strict=True))
+        for number, (candidate, group) in enumerate(zip(accepted, groups, strict=True))
     ]
-    return [episode for split in wanted for episode in made if episode.split == split]
+    return [episode for split in requested for episode in episodes if episode.split == split]
 
 
 def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) -> str:
@@ -222,8 +229,8 @@ def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) ->
 
 def _longest(maps: Sequence[Freemap], radius_m: float, ends_m: float) -> tuple[float, float]:
     """Return the area [m²] of the floor with the longest way of all levels, and its length [m]."""
-    found = [longest_way(one, radius_m, ends_m) for one in maps]
-    return max(found, key=lambda one: one[1], default=(0.0, 0.0))
+    lengths = [longest_way(entry, radius_m, ends_m) for entry in maps]
+    return max(lengths, key=lambda entry: entry[1], default=(0.0, 0.0))
 
 
 def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
@@ -238,16 +245,16 @@ def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
 
 
 def _warn(
-    bundle: SceneBundle, kept: Sequence[Candidate], config: SampleConfig, result: SampleResult
+    bundle: SceneBundle, accepted: Sequence[Candidate], config: SampleConfig, result: SampleResult
 ) -> None:
-    single = sorted({c.level for c in kept if len(c.crossed) < config.min_crossings})
+    single = sorted({c.level for c in accepted if len(c.crossed) < config.min_crossings})
     if single:
         logger.warning(
             "%s level %s is a single room: its episodes cannot pass between rooms",
             bundle.scene_id,
             ", ".join(map(str, single)),
         )
-    if near := sum(not c.open_ends for c in kept) if config.min_view_m else 0:
+    if near := sum(not c.open_ends for c in accepted) if config.min_view_m else 0:
         logger.warning(
             "%s: holds too few paths whose first and last pictures show %g m of depth; accepted "
             "%d without that",

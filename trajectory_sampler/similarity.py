@@ -1,4 +1,4 @@
-"""How alike two paths are, and which of many paths are like a given one."""
+"""Distances between paths, and a search for the paths near a given one."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ def stations(path_m: ArrayLike) -> Array:
 
 
 def path_gap(path_m: ArrayLike, other_m: ArrayLike, measure: str = FRECHET) -> float:
-    """How far two paths (P, 2 or 3) [m] are apart [m]; directed: the way back is another path.
+    """Return the distance of two paths (P, 2 or 3) [m]; directed: the way back is another path.
 
     `frechet` is the discrete Fréchet distance (Eiter and Mannila, "Computing discrete Fréchet
     distance", 1994): walking both from start to end, the walkers need not be farther apart than
@@ -62,12 +62,12 @@ class PathIndex:
 
     def near(self, path: Array) -> dict[int, float]:
         """Return the distances [m], by number, of paths within `reach_m` of stations (S, 2) [m]."""
-        found = {}
+        gaps = {}
         for number in self._candidates(path):
             gap = _gap(path, self.paths[number], self.measure)
             if gap < self.reach_m:
-                found[number] = gap
-        return found
+                gaps[number] = gap
+        return gaps
 
     def starting_near(self, point: Array) -> list[int]:
         """Return the numbers of the paths that start within `reach_m` of a point (2,) [m]."""

@@ -1,4 +1,4 @@
-"""What a robot's camera sees at the ends of a path: a near wall teaches no model to stop."""
+"""Views at the ends of a path: a near wall teaches no model to stop."""
 
 from collections.abc import Callable
 from functools import cached_property

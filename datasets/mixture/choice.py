@@ -1,4 +1,4 @@
-"""How a source's episodes are chosen: datasets found, episodes kept, and why others are not."""
+"""The choice of a source's episodes, with the reasons why others are left out."""
 
 import hashlib
 import logging

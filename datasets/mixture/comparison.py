@@ -1,4 +1,4 @@
-"""What a recipe compares: policies trained on its mixtures, and the walks that they are tested on.
+"""The comparison of a recipe: policies trained on its mixtures, and their tests.
 
 comparison:
   walks: 48                     # held-out episodes that each policy walks, at most
@@ -23,7 +23,7 @@ METRICS = ("SR", "OS", "SPL", "NE", "FR", "StR", "CR")  # columns of `evaluation
 
 @dataclass(frozen=True)
 class Test:
-    """What a policy is tested with, as `vlnpe evaluate` takes it.
+    """Robot, controller and camera of a test, as `vlnpe evaluate` takes them.
 
     Attributes:
         robot, controller, light: their names.
@@ -58,7 +58,7 @@ class Row:
 
     @property
     def varies(self) -> bool:
-        """Whether seeds differ: of a training, or of the draws of `random`."""
+        """True if seeds differ: of a training, or of the draws of `random`."""
         return bool(self.mixture) or self.policy == "random"
 
 

@@ -65,7 +65,7 @@ class Source:
 
     @property
     def collected(self) -> str:
-        """What a collection must have for it, in words: `robot h1, light CL`; may be empty."""
+        """The requirements on a collection in words: `robot h1, light CL`; may be empty."""
         conditions = {
             "robot": self.robots,
             "controller": self.controllers,

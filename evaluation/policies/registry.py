@@ -61,7 +61,7 @@ class PolicyChoice:
 
     @property
     def is_server(self) -> bool:
-        """Whether the policy runs behind a policy server."""
+        """True if the policy runs behind a policy server."""
         return self.name.startswith(SERVER_SCHEMES)
 
     def identity(self) -> str:

@@ -27,7 +27,7 @@ _DONE = "done"  # file of a finished training, with its checkpoint's digest
 
 @dataclass(frozen=True)
 class CellResult:
-    """What the walks of one policy in one test gave.
+    """Metrics of the walks of one policy in one test.
 
     Attributes:
         values: (N, metrics) by episode, rounded to 0.01; None where a walk has no result.

@@ -82,17 +82,17 @@ def _answers(judgements: Sequence[Judgement]) -> list[str]:
 
 def answer(judgement: Judgement) -> str:
     """Return a claim's verdict with its interval in a sentence, and what a smaller one needs."""
-    claim, found = judgement.claim, judgement.difference
+    claim, difference = judgement.claim, judgement.difference
     text = (
         f"**{claim['text']}: {judgement.verdict}** ({claim['more']} − {claim['less']}: "
         f"{_difference(judgement)})."
     )
-    if found is None:
+    if difference is None:
         return text
     if judgement.seeds == 1:
         text += " One seed does not show how much trainings vary: give --seeds 3."
-    half = found.half_width
-    factor = found.factor_to_show(half / 2) if half > 0 else None
+    half = difference.half_width
+    factor = difference.factor_to_show(half / 2) if half > 0 else None
     if factor is None:
         return text
     unit, digits = _unit(claim["metric"])
@@ -101,20 +101,20 @@ def answer(judgement: Judgement) -> str:
         f"{text} Differences below about {half:.{digits}f} {unit} cannot be seen with these "
         f"{judgement.episodes} episodes in {judgement.scenes} scenes; {half / 2:.{digits}f} would "
         f"need about {seeds}{judgement.episodes * factor} episodes in {judgement.scenes * factor} "
-        f"scenes ({found.seeds_share:.0%} of the variance lies between seeds)."
+        f"scenes ({difference.seeds_share:.0%} of the variance lies between seeds)."
     )
 
 
 def _difference(judgement: Judgement) -> str:
     """Return a claim's difference with its interval in words."""
-    metric, found = judgement.claim["metric"], judgement.difference
-    if found is None:
+    metric, difference = judgement.claim["metric"], judgement.difference
+    if difference is None:
         return "–"
     unit, digits = _unit(metric)
-    text = f"{metric} {found.mean:+.{digits}f}"
-    if math.isnan(found.low):
+    text = f"{metric} {difference.mean:+.{digits}f}"
+    if math.isnan(difference.low):
         return f"{text} {unit} without an interval, as fewer than {LEAST_PATHS} paths were walked"
-    return f"{text} ({found.low:+.{digits}f} … {found.high:+.{digits}f}) {unit}"
+    return f"{text} ({difference.low:+.{digits}f} … {difference.high:+.{digits}f}) {unit}"
 
 
 def _unit(metric: str) -> tuple[str, int]:

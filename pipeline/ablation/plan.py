@@ -1,4 +1,4 @@
-"""What an ablation trains and walks, decided and checked before anything is trained."""
+"""The plan of an ablation: its trainings and episodes, checked before anything is trained."""
 
 import logging
 from collections.abc import Collection, Mapping
@@ -19,7 +19,7 @@ from ...learning.config import train_config
 from ...learning.training.holdout import Holdout, hold_out, published_holdout, scene_of
 from ...learning.training.session import Planned, Request, plan_training
 from ..chains.evaluation import chosen_test
-from ..inputs.episode_file import asked_episodes
+from ..inputs.episode_file import episodes_of
 from ..options.evaluate import Evaluate
 from ..options.training import Ablate
 
@@ -195,7 +195,7 @@ def _held_out_episodes(
     }
     scenes_seen = {scene_of(path) for path in seen}
     run = options.run or _only_run(options.data)
-    episodes, scenes = asked_episodes(run, None, options.split)
+    episodes, scenes = episodes_of(run, None, options.split)
 
     def is_held_out(episode: Episode) -> bool:
         path = f"{episode.scene_id}/{episode.trajectory_id}"

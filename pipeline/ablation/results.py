@@ -130,7 +130,7 @@ def interval(value: Mapping[str, Any], row: Mapping[str, Any], metric: str) -> I
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the interval of a difference says about a claim.
+    """The verdict about a claim, by the interval of its difference.
 
     Attributes:
         claim: entry of the results file.
@@ -150,8 +150,8 @@ class Judgement:
     def to_json(self) -> dict[str, Any]:
         """Return the claim with its verdict and interval as JSON values."""
         interval = None
-        if (found := self.difference) is not None:
-            interval = interval_json(Interval(found.mean, found.low, found.high))
+        if (result := self.difference) is not None:
+            interval = interval_json(Interval(result.mean, result.low, result.high))
         return {**self.claim, "verdict": self.verdict, "difference": interval}
 
 
@@ -171,10 +171,10 @@ def _judgement(
     size = min(counts, default=0), len(value["episodes"]), scenes
     if more is None or less is None:
         return Judgement(claim, UNMEASURED, None, *size)
-    found = difference(more, less)
+    result = difference(more, less)
     verdict = NOT_SHOWN
-    if found.low > 0:
+    if result.low > 0:
         verdict = SHOWN
-    elif found.high < 0:
+    elif result.high < 0:
         verdict = OPPOSITE
-    return Judgement(claim, verdict, found, *size)
+    return Judgement(claim, verdict, result, *size)

@@ -28,7 +28,7 @@ from .run import Run
 
 @dataclass(frozen=True)
 class Wording:
-    """How a run's instructions are made.
+    """Settings of the instructions of a run.
 
     Attributes:
         robot: the robot whose camera says what there is to see on the way.
@@ -52,8 +52,8 @@ def repaired(
     built = [source for source in sources.values() if isinstance(source, BuiltIn)]
     if built:
         items = [repair.scan_item(b, folder.scan(b.name)) for b in built]
-        made = run.stage(repair.SCAN_STAGE, items, required=True).good()
-        files |= {name: folder.scan(name) / "scan.glb" for name in made}
+        scanned = run.stage(repair.SCAN_STAGE, items, required=True).good()
+        files |= {name: folder.scan(name) / "scan.glb" for name in scanned}
     items = repair.items(files, config, folder.scenes)
     rows = run.stage(repair.STAGE, items, required=True).good()
     checks = repair.check_items(rows, folder.scenes, allow_unsound)
@@ -130,8 +130,8 @@ def _instructed(
 ) -> list[Episode]:
     folder, ledger, config = run.folder, run.context.ledger, wording.config
     rows = source.good()
-    looking = sight.Sight(folder.scenes, folder.sights, wording.robot, config.replace)
-    items = [looking.look(row, parts[s]) for s, row in rows.items()]
+    observer = sight.Sight(folder.scenes, folder.sights, wording.robot, config.replace)
+    items = [observer.look(row, parts[s]) for s, row in rows.items()]
     seen = run.stage(sight.STAGE, items).good()
     named: dict[str, Row] = {}  # by item, of the scenes that a model was asked about
     if wording.vision is None:
@@ -139,10 +139,10 @@ def _instructed(
     else:
         model = sight.Model(wording.vision, folder.root / CACHE_NAME)
         sources = {s: rows[s] for s in seen}
-        made = sight.named_scenes(run.stage, looking, model, sources, parts).good()
-        sys.stderr.writelines(sight.naming_report(made.values()))
-        seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in made}
-        named = {s: row for s in seen if sight.was_asked(row := made[align.scene_of_part(s)])}
+        naming = sight.named_scenes(run.stage, observer, model, sources, parts).good()
+        sys.stderr.writelines(sight.naming_report(naming.values()))
+        seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in naming}
+        named = {s: row for s in seen if sight.used_model(row := naming[align.scene_of_part(s)])}
     instructed = {s: folder.episodes(f"instructed/{s}") for s in seen}
     items = [
         instruct.item(

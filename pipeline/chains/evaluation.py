@@ -25,7 +25,7 @@ from ..engine.run_folder import safe_name
 from ..engine.work import digest
 from ..execution.runner import Context, run_stage
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_crews
-from ..inputs.episode_file import asked_episodes
+from ..inputs.episode_file import episodes_of
 from ..inputs.views import chosen_views
 from ..options.evaluate import Evaluate
 from ..report import policy_items as policy_report
@@ -64,7 +64,7 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
     if card is not None:
         test = {"robot": robot.name, "controller": controller, "light": options.light}
         _warn_of_other_training(policy.name, card, test)
-    episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, options.split)
+    episodes, scenes_folder = episodes_of(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)

@@ -38,7 +38,7 @@ MODULES = tuple(job.__module__ for job in (ReplayJob, RenderJob, UnitJob, McapJo
 
 @dataclass(frozen=True)
 class Product:
-    """What is rendered and exported from rollouts.
+    """Settings of rendering and export.
 
     Attributes:
         only_success: leave failures out of the export; they are rendered in any case.
@@ -132,7 +132,7 @@ def collect(
         frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
         summaries = export.run(
             run.context,
-            exports(export.wanted(frames, product.only_success)),
+            exports(export.rows_to_export(frames, product.only_success)),
             folder.scenes,
             dataset,
             {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
@@ -186,7 +186,7 @@ def _renders(
 
 def _model_usage(ledger: Ledger) -> dict[str, Any]:
     """Return requests, tokens and cost of the language model; empty without one."""
-    # Of all models that write or name; they count in one file.
+    # All models count their requests in one file.
     return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
 
 

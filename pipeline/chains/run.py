@@ -1,4 +1,4 @@
-"""What all stages of one run share."""
+"""The state that all stages of one run share."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -8,7 +8,7 @@ from ...formats.core.episode import Episode
 from ...formats.vlnce.groups import per_instruction
 from ..engine.ledger import Row
 from ..engine.work import WorkItem
-from ..execution.ahead import foreseen, run_ahead
+from ..execution.ahead import expected_row, run_ahead
 from ..execution.attempts import Link
 from ..execution.runner import Context
 from ..stages.datasets.export_job import UnitJob
@@ -40,7 +40,7 @@ def run(
     rollouts: dict[str, Row] = {}
     episode_facts: list[dict[str, Any]] = []
     for episode, item in zip(episodes, walks, strict=True):
-        row = foreseen(context, replay.STAGE, item, lambda e=episode: {"scene": e.scene_id})
+        row = expected_row(context, replay.STAGE, item, lambda e=episode: {"scene": e.scene_id})
         if row is None:
             continue
         rollouts[item.name] = row
@@ -52,7 +52,7 @@ def run(
     for (path, chain), facts, item in zip(
         chains.items(), episode_facts, renders(rollouts), strict=True
     ):
-        row = foreseen(context, render.STAGE, item, lambda f=facts, p=path: {**f, "rollout": p})
+        row = expected_row(context, render.STAGE, item, lambda f=facts, p=path: {**f, "rollout": p})
         if row is not None:
             chain.append(Link(render.STAGE, sharing(item, depths[path]), needed=True))
             frames[item.name] = row

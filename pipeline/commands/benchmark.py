@@ -126,16 +126,16 @@ def _splits(
             f"{folder}{did_you_mean(str(folder), SETS)}: contains no episodes/*.json.gz; valid: a "
             f"run folder, or {', '.join(SETS)}"
         )
-    found: dict[str, list[Episode]] = {}
+    by_split: dict[str, list[Episode]] = {}
     for file in files:
         for episode in read_episodes(file):
-            found.setdefault(episode.split, []).append(episode)
+            by_split.setdefault(episode.split, []).append(episode)
     split_names = (
-        _names(options.split) if options.split else published.test_splits if published else found
+        _names(options.split) if options.split else published.test_splits if published else by_split
     )
     for split in split_names:
-        check_name("split", split, found)
-    return {split: found[split] for split in split_names}
+        check_name("split", split, by_split)
+    return {split: by_split[split] for split in split_names}
 
 
 def _evaluate(cell: Cell, options: Benchmark, folder: Path, chosen: Path) -> dict[str, Any]:
@@ -180,12 +180,12 @@ def _value(
         "cells": [
             {
                 **vars(cell),
-                "count": len(found["episodes"]),
-                "quarantined": len(found["quarantined"]),
-                "setting": found["setting"],
-                "summary": found["summary"],
+                "count": len(result["episodes"]),
+                "quarantined": len(result["quarantined"]),
+                "setting": result["setting"],
+                "summary": result["summary"],
             }
-            for cell, found in results.items()
+            for cell, result in results.items()
         ],
     }
 

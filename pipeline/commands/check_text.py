@@ -55,8 +55,8 @@ def run(options: CheckText) -> int:
         result.append(record(path, text, verdict))
         if not options.json:
             sys.stdout.writelines(f"{path}: {problem}: {text!r}\n" for problem in verdict.problems)
-    refused = sum(one["refused"] for one in result)
-    unchecked = sum(bool(one["unchecked"]) for one in result)
+    refused = sum(entry["refused"] for entry in result)
+    unchecked = sum(bool(entry["unchecked"]) for entry in result)
     line = f"{len(result)} texts: {refused} refused, {unchecked} with unchecked words"
     print_result(options, {"texts": result}, line)
     return int(refused > 0)

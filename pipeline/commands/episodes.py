@@ -116,7 +116,7 @@ def run_filter(options: Filter) -> int:
     for row in summary.good().values():
         lines += align.filter_lines(row.facts)
         files[row.facts["split"]] = {k: row.facts[k] for k in ("kept", "dropped", "counts", "bad")}
-    total = {key: sum(one[key] for one in files.values()) for key in ("kept", "dropped")}
+    total = {key: sum(counts[key] for counts in files.values()) for key in ("kept", "dropped")}
     text = "\n".join([*lines, f"{out}: {total['kept']} kept, {total['dropped']} dropped"])
     reasons = [r for row in summary.good().values() for r in row.facts["reasons"]]
     return print_result(

@@ -61,9 +61,9 @@ def run(options: Instruct) -> int:
     cache = (options.cache or out.parent / CACHE_NAME).resolve()
     with open_single(out, options.workers) as context:
         files = SightFiles(context.ledger.root)
-        looking = sight.Sight(task.scenes, files, robot, config.replace)
+        observer = sight.Sight(task.scenes, files, robot, config.replace)
         model = sight.Model(vision, cache) if vision else None
-        seen, names = _observed(context, looking, task, options.robot != NO_ROBOT, model)
+        seen, names = _observed(context, observer, task, options.robot != NO_ROBOT, model)
         sight_rows = [*seen.rows, *names.rows]
         lost = {
             episode.episode_id: row.error["reason"]
@@ -157,9 +157,9 @@ def _print(
     text = f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts"
     if facts["unchecked"]:
         text += f"; {facts['unchecked']} with unchecked words are not exported before a review"
-    kept = 0 if replace else sum(bool(episode.instruction) for episode in task.episodes)
-    if kept:
-        text += f"; {kept} episodes had texts and keep them, --replace writes new ones"
+    unchanged = 0 if replace else sum(bool(episode.instruction) for episode in task.episodes)
+    if unchanged:
+        text += f"; {unchanged} episodes had texts and keep them, --replace writes new ones"
     print_result(options, facts, text)
 
 

@@ -12,7 +12,7 @@ from ..context import open_context
 from ..engine.ledger import Ledger, Row
 from ..execution.runner import StageSummary, run_stage
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
-from ..inputs.episode_file import asked_episodes, scenes_of
+from ..inputs.episode_file import episodes_of, scenes_of
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows
@@ -29,7 +29,7 @@ def run_replay(options: Replay) -> int:
     """Replay the episodes of one file."""
     pairs = crews(chosen_robots(options.robot), options.controller)
     actions = action_timing(options.action_steps, options.closed_loop)
-    episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, None)
+    episodes, scenes_folder = episodes_of(options.episodes, options.scenes, None)
     paths = group_by_path(episodes)
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in paths}, scenes, scenes_folder)
@@ -113,7 +113,9 @@ def run_export(options: Export) -> int:
         groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
     if not groups:
         raise FileFormatError(options.frames, "contains no rendered episode")
-    groups = {group: export.wanted(rows, options.only_success) for group, rows in groups.items()}
+    groups = {
+        group: export.rows_to_export(rows, options.only_success) for group, rows in groups.items()
+    }
     if not any(groups.values()):
         raise FileFormatError(options.frames, "contains no successful rendered episode")
     summaries = []

@@ -66,15 +66,15 @@ def changes(
 
 
 def _differences(name: str, old: Mapping[str, str], new: Mapping[str, str]) -> list[str]:
-    found = []
+    lines = []
     for key in sorted({*old, *new}):
         if old.get(key) != new.get(key):
             where = f"{name}.{key}" if key else name
             then, now = old.get(key, "nothing"), new.get(key, "nothing")
             # Digests mean nothing to a reader.
             plain = ":" in key if name == CODE else "…" not in (then[:1], now[:1])
-            found.append(f"{where}: {then} → {now}" if plain else f"{where} changed")
-    return found or [f"{name} changed"]
+            lines.append(f"{where}: {then} → {now}" if plain else f"{where} changed")
+    return lines or [f"{name} changed"]
 
 
 def _shown(name: str) -> str:
@@ -92,17 +92,17 @@ def _is_digest(value: Any) -> bool:
 def _values(value: Any) -> dict[str, str]:
     """Return the values of a configuration, or a short value under an empty name."""
     if is_dataclass(value) and not isinstance(value, type):
-        found: dict[str, str] = {}
+        values: dict[str, str] = {}
         for entry in fields(value):
             inner = getattr(value, entry.name)
             if is_dataclass(inner):
-                found |= {f"{entry.name}.{k}" if k else entry.name: v
+                values |= {f"{entry.name}.{k}" if k else entry.name: v
                           for k, v in _values(inner).items()}  # fmt: skip
             elif isinstance(inner, dict):
-                found |= {f"{entry.name}.{k}": _short(v) for k, v in inner.items()}
+                values |= {f"{entry.name}.{k}": _short(v) for k, v in inner.items()}
             else:
-                found |= {entry.name: _short(inner)}
-        return found
+                values |= {entry.name: _short(inner)}
+        return values
     return {} if _is_digest(value) or len(_short(value)) == SHORT + 1 else {"": _short(value)}
 
 
@@ -115,6 +115,6 @@ def _short(value: Any) -> str:
 @cache
 def _code(module: str, unused: frozenset[str]) -> Part:
     modules = imported_modules(module.removeprefix(f"{NAME}."))
-    found = {name: module_digest(name)[:8] for name in modules}
-    found |= {f"library:{name}": v for name, v in libraries(module).items() if name not in unused}
-    return Part(digest(found)[:SHORT], found)
+    digests = {name: module_digest(name)[:8] for name in modules}
+    digests |= {f"library:{name}": v for name, v in libraries(module).items() if name not in unused}
+    return Part(digest(digests)[:SHORT], digests)

@@ -15,7 +15,7 @@ Records = dict[str, str]
 
 @dataclass(frozen=True)
 class FileRecord:
-    """What a file held when it was finished."""
+    """Size and digest of a file when it was finished."""
 
     size: int
     sha256: str

@@ -1,4 +1,4 @@
-"""What a run has done: one row per work item, safe against being killed at any moment.
+"""The record of a run: one row per work item, safe against being killed at any moment.
 
 `manifest.json` holds the rows, and the size and SHA-256 of every file that they name; while a run
 is going, each finished item is appended to `manifest.journal.jsonl` at once (rewriting the manifest
@@ -124,8 +124,8 @@ class Ledger:
 
     def lost(self, row: Row) -> str:
         """Return which file of an item's outputs is missing or resized; empty if none."""
-        found = (lost(self.root, path, self._files.get(path, {})) for path in row.outputs)
-        return next(filter(None, found), "")
+        problems = (lost(self.root, path, self._files.get(path, {})) for path in row.outputs)
+        return next(filter(None, problems), "")
 
     def begin(self) -> None:
         """Note durably that the command has work to do."""
@@ -165,9 +165,9 @@ class Ledger:
     def unrecord(self, outputs: Iterable[Path]) -> None:
         """Drop the records of files and folders that were removed, durably."""
         names = [self.relative(path) for path in outputs]
-        known = [name for name in names if self._files.pop(name, None) is not None]
-        if known:
-            self._append([{"unrecord": known}])
+        recorded = [name for name in names if self._files.pop(name, None) is not None]
+        if recorded:
+            self._append([{"unrecord": recorded}])
 
     def record_new(self, folder: Path) -> None:
         """Record the files in a folder that have no record yet, and drop the records of lost ones.
@@ -177,8 +177,8 @@ class Ledger:
         paths = files_in(folder)
         self.record(p for p in paths if self.relative(p) not in self._files)
         below = f"{self.relative(folder)}/"
-        known = [self.root / name for name in self._files if name.startswith(below)]
-        self.unrecord(path for path in known if not path.exists())
+        recorded = [self.root / name for name in self._files if name.startswith(below)]
+        self.unrecord(path for path in recorded if not path.exists())
 
     def files(self) -> dict[str, FileRecord]:
         """Return the record of every file, by its path relative to `root`."""
@@ -199,10 +199,10 @@ class Ledger:
         Otherwise a run killed between the new output and its row would leave new content under
         the old key, and going back to the old options would take it for theirs.
         """
-        known = [item for item in items if (stage, item) in self._rows]
-        self._drop(stage, known)
-        if known:
-            self._append([{"forget": [stage, known]}])
+        recorded = [item for item in items if (stage, item) in self._rows]
+        self._drop(stage, recorded)
+        if recorded:
+            self._append([{"forget": [stage, recorded]}])
 
     def discard(self, stage: str, scope: str) -> None:
         """Delete rows and files of a stage's items that are not current and start with `scope`.
@@ -215,8 +215,8 @@ class Ledger:
             if row_stage == stage and item.startswith(scope) and not row.current
         }
         self.forget(stage, old)
-        kept = {path for row in self._rows.values() for path in row.outputs}
-        for path in {path for row in old.values() for path in row.outputs} - kept:
+        current = {path for row in self._rows.values() for path in row.outputs}
+        for path in {path for row in old.values() for path in row.outputs} - current:
             if (self.root / path).is_dir():
                 shutil.rmtree(self.root / path)
             else:

@@ -1,4 +1,4 @@
-"""Where everything lies in a run folder."""
+"""Paths in a run folder, and names of files."""
 
 import errno
 import hashlib
@@ -113,7 +113,7 @@ class RunFolder:
 
     @property
     def sights(self) -> SightFiles:
-        """What is seen along the paths, and named in scenes without labels."""
+        """Records of things seen along the paths, and of names in scenes without labels."""
         return SightFiles(self.root / "facts")
 
     def facts(self, scene: str) -> Path:

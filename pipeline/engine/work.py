@@ -15,7 +15,7 @@ from ...formats.core.source import source_digest
 
 @dataclass(frozen=True)
 class ItemResult:
-    """What a job returns.
+    """The outcome that a job returns.
 
     Attributes:
         facts: JSON values for later stages and the report.

@@ -23,7 +23,7 @@ from .runner import BAR_LABEL, Context, check_distinct, counted, drop, why
 BAR = "episodes"
 
 
-def foreseen(
+def expected_row(
     context: Context, stage: str, item: WorkItem, facts: Callable[[], dict[str, Any]]
 ) -> Row | None:
     """Return the row that an item has, or will have if it ends well.
@@ -76,8 +76,10 @@ def run_ahead(context: Context, chains: Sequence[Sequence[Link]], label: str) ->
                         done.append(
                             record(context.ledger, link.stage, link.item, outcome, context.command)
                         )
-                    elif known := earlier.get(link.item.outputs):  # of other options, and untouched
-                        context.ledger.add(*known)
+                    elif previous := earlier.get(
+                        link.item.outputs
+                    ):  # of other options, and untouched
+                        context.ledger.add(*previous)
                 bar.set_postfix_str(_note(done), refresh=False)
                 bar.update()
         except BaseException:
@@ -94,17 +96,17 @@ def _forget(
 ) -> dict[tuple[Path, ...], tuple[Row, dict[str, Records]]]:
     """Forget what is known of items that are about to run; return rows of done ones, by outputs."""
     ledger = context.ledger
-    known: dict[tuple[Path, ...], tuple[Row, dict[str, Records]]] = {}
+    earlier: dict[tuple[Path, ...], tuple[Row, dict[str, Records]]] = {}
     stages: dict[str, list[str]] = {}
     for link in links:
         row = ledger.row(link.stage, link.item.name)
         if row is not None and row.status == "done":
-            known[link.item.outputs] = row, ledger.records(row)
+            earlier[link.item.outputs] = row, ledger.records(row)
         forget_failure(ledger, link.stage, link.item)
         stages.setdefault(link.stage, []).append(link.item.name)
     for stage, names in stages.items():
         ledger.forget(stage, names)
-    return known
+    return earlier
 
 
 def _left_to_do(context: Context, chain: Sequence[Link]) -> list[Link]:

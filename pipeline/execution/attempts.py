@@ -31,7 +31,7 @@ class WorkerDiedError(VlnpeError):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of one item.
+    """The outcome of one item.
 
     Attributes:
         seconds: Wall time that it took [s].

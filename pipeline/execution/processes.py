@@ -67,7 +67,7 @@ class Workers(Executor):
 
     def kill_processes(self) -> None:
         """Kill the workers and their children; the pool is broken afterwards."""
-        # Of the standard library's pool until Python 3.14, which has `kill_workers`.
+        # The pool has `kill_workers` from Python 3.14 on.
         processes = self._pool._processes if self._pool is not None else None
         for process in list((processes or {}).values()):
             if process.pid is not None:

@@ -1,4 +1,4 @@
-"""What is kept of an item that ran: its row, and of a failure the traceback and a command."""
+"""The record of an item that ran: its row, and the traceback and command of a failure."""
 
 import errno
 import glob

@@ -28,7 +28,7 @@ BAR_LABEL = 22  # characters of a bar's name: stage, robot and controller
 
 @dataclass(frozen=True)
 class Context:
-    """Where a stage records its work and what it may use.
+    """The ledger and the workers of a stage, and how it treats items.
 
     Attributes:
         ledger: of the run folder (or of a single stage's output folder).
@@ -115,7 +115,7 @@ def run_stage(
         len(items),
         initial=len(items) - len(waiting),
         note=_note(summary),
-        # Of items that were done ahead a bar has told already.
+        # Items that were done ahead had a bar of their own.
         show=context.progress and (bool(waiting) or summary.done == 0),
     )
     errors: list[BaseException] = []
@@ -163,12 +163,12 @@ def check_distinct(stage: str, items: Sequence[WorkItem]) -> None:
 
     Two items of one name would share a row and their files, and one would be lost without a word.
     """
-    found: dict[str, str] = {}
+    by_name: dict[str, str] = {}
     for item in items:
         name = item.name.casefold()
-        if name in found:
-            raise VlnpeError(f"{stage}: {item.name} and {found[name]} share one file name")
-        found[name] = item.name
+        if name in by_name:
+            raise VlnpeError(f"{stage}: {item.name} and {by_name[name]} share one file name")
+        by_name[name] = item.name
 
 
 def why(
@@ -181,7 +181,7 @@ def why(
     if row.key != item.key:
         if not context.explain:
             return "its key has changed"
-        names = {one.key[:16]: f"{one.stage} {one.item}" for one in ledger.rows()}
+        names = {other.key[:16]: f"{other.stage} {other.item}" for other in ledger.rows()}
         now = parts_of(item.inputs, item.job)
         lines = changes(row.parts, ledger.values(), now, names) if row.parts else []
         return "; ".join(lines) or "an earlier version made it"
@@ -201,23 +201,23 @@ def _run_only(
     context: Context, stage: str, items: Sequence[WorkItem], waiting: Sequence[WorkItem]
 ) -> None:
     """Run the one item that was asked for, in this process, if it is one of this stage."""
-    wanted_stage, _, wanted = context.only.partition(":")
-    if stage != wanted_stage:
+    target_stage, _, target = context.only.partition(":")
+    if stage != target_stage:
         if waiting:
             raise InputError(
                 f"--only {context.only}: {stage} {waiting[0].name} must be finished first; run the "
                 "command without --only first"
             )
         return
-    found = [item for item in items if item.name == wanted]
-    if not found:
+    matches = [item for item in items if item.name == target]
+    if not matches:
         return  # of another robot, or unknown: the command says so at its end
-    forget_failure(context.ledger, stage, found[0])
-    context.ledger.forget(stage, [wanted])
-    outcome = attempt(found[0].job, found[0].outputs, os.cpu_count() or 1)
-    row = record(context.ledger, stage, found[0], outcome, context.command)
+    forget_failure(context.ledger, stage, matches[0])
+    context.ledger.forget(stage, [target])
+    outcome = attempt(matches[0].job, matches[0].outputs, os.cpu_count() or 1)
+    row = record(context.ledger, stage, matches[0], outcome, context.command)
     context.ledger.save()
-    sys.stderr.write(outcome.traceback or f"{stage} {wanted}: done\n")
+    sys.stderr.write(outcome.traceback or f"{stage} {target}: done\n")
     raise OnlyDone(row.status == "done")
 
 

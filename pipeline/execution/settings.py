@@ -1,4 +1,4 @@
-"""Where the items of a run are executed: in processes of this machine, or on a cluster."""
+"""The executor of a run: processes of this machine, or a cluster."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +14,7 @@ EXECUTORS = (LOCAL, RAY, SLURM)
 
 @dataclass(frozen=True)
 class Execution:
-    """Where a run's items are executed.
+    """The choice of an executor.
 
     Attributes:
         executor: `local`, `ray` or `slurm`.

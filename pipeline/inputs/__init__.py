@@ -1,1 +1,1 @@
-"""What the words of a command line stand for: scenes, robots, views, folders, sets of episodes."""
+"""Values of command line options: scenes, robots, views, folders, sets of episodes."""

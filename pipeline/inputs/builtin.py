@@ -46,11 +46,11 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     follow one another.
     """
     parts = [part.strip() for part in text.split(",")]
-    found = [_FORM.fullmatch(part) for part in parts]
-    if not any(found):
+    matches = [_FORM.fullmatch(part) for part in parts]
+    if not any(matches):
         return []
     result: list[BuiltIn] = []
-    for part, match in zip(parts, found, strict=True):
+    for part, match in zip(parts, matches, strict=True):
         if match is None:
             raise InputError(
                 f"scene {text!r}: {part!r} is not a built-in scene; valid: one file, or {BUILTIN}…"
@@ -63,10 +63,10 @@ def parse_builtin(text: str, seed: int) -> list[BuiltIn]:
     return result
 
 
-def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
-    kind = _DEFAULT_KIND if found["kind"] is None else found["kind"]
+def _buildings(text: str, match: re.Match[str], seed: int) -> list[BuiltIn]:
+    kind = _DEFAULT_KIND if match["kind"] is None else match["kind"]
     check_kind(kind)
-    count, first = found["count"], found["seed"]
+    count, first = match["count"], match["seed"]
     if count is not None and not (_is_number(count) and 1 <= int(count) <= _MOST):
         raise InputError(
             f"scene {text!r}: {count!r} is not a number of buildings; valid: 1 to {_MOST:,}, "
@@ -78,7 +78,7 @@ def _buildings(text: str, found: re.Match[str], seed: int) -> list[BuiltIn]:
             f"{BUILTIN}:{kind}*10@100"
         )
     start = seed if first is None else int(first)
-    return BuiltIn(kind, start, not found["exact"]).and_next(1 if count is None else int(count))
+    return BuiltIn(kind, start, not match["exact"]).and_next(1 if count is None else int(count))
 
 
 def _is_number(text: str) -> bool:

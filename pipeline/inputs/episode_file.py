@@ -7,7 +7,7 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.vlnce.files import read_episodes
 
 
-def asked_episodes(
+def episodes_of(
     given: Path, scenes_folder: Path | None, split: str | None
 ) -> tuple[list[Episode], Path]:
     """Return the episodes of a run or an episode file, and the folder of their scenes.

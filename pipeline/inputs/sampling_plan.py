@@ -1,4 +1,4 @@
-"""What `sample` and `collect` are asked to sample, and where."""
+"""The paths that `sample` and `collect` sample, and their scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How instructions are written, as a command line says it."""
+"""Settings of instructions from the command line."""
 
 from ...instruction_gen.llm.settings import LlmSettings, settings_from
 from ...instruction_gen.records import LLM, LOCAL, InstructConfig, parse_languages, parse_styles

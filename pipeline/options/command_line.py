@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError, brief, check_name, did_you_mean
 
-# Of these, a command that runs an item again has its own.
+# A command that runs an item again has options of its own for these.
 LEFT_OUT = {
     "only", "explain", "retry_quarantined", "wait", "json", "max_failed",
     "workers", "executor", "ray_address", "slurm", "dry_run",

@@ -8,7 +8,7 @@ from .shared import Parallel
 
 @dataclass(frozen=True, kw_only=True)
 class Running(Parallel):
-    """How items are run."""
+    """Execution."""
 
     max_failed: int = 0
     """Maximum number of quarantined items; exit with code 1 above it."""

@@ -26,7 +26,7 @@ class Printing:
 
 @dataclass(frozen=True, kw_only=True)
 class Parallel(Printing):
-    """How many items are run at a time."""
+    """Parallel work."""
 
     workers: int = 0
     """Number of worker processes; 0 uses one per core, or all that a cluster has."""
@@ -57,7 +57,7 @@ class Orientation:
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance:
-    """What paths keep free."""
+    """Clearance of paths."""
 
     free_height_m: float = SampleConfig.free_height_m
     """Free height above every path [m]. The default suits every robot; a lower value lets paths for
@@ -75,7 +75,7 @@ class WalkedBy(Clearance):
 
 @dataclass(frozen=True, kw_only=True)
 class DiscreteActions:
-    """How the controller `speed` carries out discrete actions."""
+    """Execution of discrete actions by the controller `speed`."""
 
     action_steps: int = 50
     """Duration of a discrete action of the speed controller, in physics steps of 5 ms."""
@@ -86,7 +86,7 @@ class DiscreteActions:
 
 @dataclass(frozen=True, kw_only=True)
 class Driving(DiscreteActions):
-    """How robots follow episodes."""
+    """Control of robots."""
 
     controller: str = "auto"
     """Controllers to run: path, speed or flash, a comma-separated list (path,speed), or `all`.
@@ -95,7 +95,7 @@ class Driving(DiscreteActions):
 
 @dataclass(frozen=True, kw_only=True)
 class Mounting:
-    """Where the robot's own camera sits."""
+    """Pose of the robot's own camera."""
 
     camera_height: float | None = None
     """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
@@ -106,7 +106,7 @@ class Mounting:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawing(Mounting):
-    """How rollouts are rendered."""
+    """Rendering of rollouts."""
 
     light: str = "baked"
     """Lighting: baked (as scanned), DL5000 (panel lights, day), DL300 (night), CL (a lamp on the
@@ -128,7 +128,7 @@ class Drawing(Mounting):
 
 @dataclass(frozen=True, kw_only=True)
 class Wording:
-    """How instructions are written."""
+    """Writing of instructions."""
 
     writer: str = "composer"
     """Writer of the instructions: composer (offline), llm (any OpenAI-compatible server, see
@@ -154,7 +154,7 @@ class Wording:
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetFormat:
-    """What datasets contain."""
+    """Contents of datasets."""
 
     per_instruction: bool = False
     """Write one episode per instruction, in LeRobot datasets with the same frames. By default a

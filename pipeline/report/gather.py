@@ -149,8 +149,8 @@ def _robot_rows(walks: Mapping[tuple[str, str], Mapping[str, _Facts]]) -> list[R
     facts = {crew: [fact for fact in walked.values() if fact] for crew, walked in walks.items()}
     seeds = {fact.get("seed") for walked in facts.values() for fact in walked}
     return [
-        _robot_row(robot, label, known, len(walks[robot, label]) - len(known), len(seeds) > 1)
-        for (robot, label), known in facts.items()
+        _robot_row(robot, label, measured, len(walks[robot, label]) - len(measured), len(seeds) > 1)
+        for (robot, label), measured in facts.items()
     ]
 
 

@@ -30,12 +30,12 @@ TIMES = {"cpu_s", "seconds"}  # facts about how long work took
 def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) -> Path:
     """Write the report of the ledger's current state; return the page."""
     ledger = context.ledger
-    made, summary = _pictures(folder, context, ledger.done("replay"))
+    pictures, summary = _pictures(folder, context, ledger.done("replay"))
     page = folder.report / PAGE
     shown = [row for row in ledger.rows() if row.stage != STAGE]
     # The page shows outcomes, not only what was done: a repaired item keeps its key.
     content = [*map(_untimed, shown), *left_out(ledger)]
-    item = work_item(STAGE, PAGE, ReportJob(folder.root, made, page), (page,), content=content)
+    item = work_item(STAGE, PAGE, ReportJob(folder.root, pictures, page), (page,), content=content)
     summaries += [summary, run_stage(context, STAGE, [item])]
     return page
 
@@ -61,11 +61,11 @@ def _pictures(
     for kind in ("clip ", "strip "):
         context.ledger.discard(PICTURES_STAGE, kind)
     good = summary.good()
-    made = (
+    outputs = (
         {name: item.outputs[0] for name, item in items.items() if item.name in good}
         for items in kinds
     )
-    return Pictures(*made), summary
+    return Pictures(*outputs), summary
 
 
 def _map_items(folder: RunFolder, ledger: Ledger) -> dict[str, WorkItem]:
@@ -86,19 +86,19 @@ def strip_items(folder: RunFolder, ledger: Ledger, rows: Sequence[Row]) -> dict[
     """Return one strip per dataset, of the episode that most robots completed where possible."""
     solved = Counter(row.facts["episode"] for row in rows if not row.failed)
     rollouts = {row.item: row for row in rows}
-    known: dict[str, list[tuple[Row, Row]]] = {}
+    candidates: dict[str, list[tuple[Row, Row]]] = {}
     for frames in ledger.done(render.STAGE):
         robot, controller, view, episode = frames.item.split("/", 3)
         row = rollouts.get(f"{robot}/{controller}/{episode}")
         if row is not None:
-            known.setdefault(f"{robot}-{controller}-{view}", []).append((row, frames))
+            candidates.setdefault(f"{robot}-{controller}-{view}", []).append((row, frames))
 
     def rank(pair: tuple[Row, Row]) -> tuple[bool, int, str]:
         row, _ = pair
         return row.failed, -solved[row.facts["episode"]], row.item
 
     result = {}
-    for name, pairs in known.items():
+    for name, pairs in candidates.items():
         out = folder.report / "strips" / f"{name}.jpg"
         drawn = ledger.row(PICTURES_STAGE, f"strip {name}")
         for row, frames in sorted(pairs, key=rank):

@@ -28,7 +28,7 @@ ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
 @dataclass(frozen=True)
 class Track:
-    """Where a robot walked: (N, 2) world [m], and how it ended; `path` is its `path_name`."""
+    """Positions (N, 2) world [m] of a robot, and how it ended; `path` is its `path_name`."""
 
     path: str
     episode: Episode

@@ -31,9 +31,9 @@ def write(
 ) -> Path:
     """Film some episodes of every kind of ending and write the report page; return the page."""
     items = film_items(rows, context.ledger.root, robot, view, scenes, films)
-    made = run_stage(context, STAGE, list(items.values())).good()
+    done = run_stage(context, STAGE, list(items.values())).good()
     context.ledger.discard(STAGE, "")
-    clips = {name: item.outputs[0] for name, item in items.items() if item.name in made}
+    clips = {name: item.outputs[0] for name, item in items.items() if item.name in done}
     page = context.ledger.root / PAGE_NAME
     with atomic_file(page) as temporary:
         temporary.write_text(policy_page(results, rows, clips), encoding="utf-8")
@@ -65,4 +65,4 @@ def _spread(rows: Sequence[Row]) -> list[Row]:
         scene = str(row.facts["scene"])
         seen[scene] = seen.get(scene, 0) + 1
         ranked.append((seen[scene], row.item, row))
-    return [row for *_, row in sorted(ranked, key=lambda one: one[:2])]
+    return [row for *_, row in sorted(ranked, key=lambda entry: entry[:2])]

@@ -153,8 +153,8 @@ def _pull(
             *(store.url, len(lost), min(lost)),
         )
     store.download({name: path for name, path in missing.items() if name in held})
-    kept = {path for row, files in own for path in _paths(files)}
-    for name in before.keys() - names.keys() - kept:
+    own_files = {path for row, files in own for path in _paths(files)}
+    for name in before.keys() - names.keys() - own_files:
         (scratch / name).unlink(missing_ok=True)
     write_bytes(scratch / MANIFEST_NAME, manifest)
     _mark(scratch, manifest)

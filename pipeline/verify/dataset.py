@@ -142,8 +142,8 @@ def _rows(files: Any) -> list[dict[str, Any]]:
 
 def _agree(what: str, counts: Mapping[str, int]) -> None:
     if len(set(counts.values())) > 1:
-        found = ", ".join(f"{count} in {place}" for place, count in counts.items())
-        raise ValueError(f"numbers of {what} differ: {found}")
+        listed = ", ".join(f"{count} in {place}" for place, count in counts.items())
+        raise ValueError(f"numbers of {what} differ: {listed}")
 
 
 def _first_wrong(what: str, wrong: np.ndarray) -> None:

@@ -100,10 +100,10 @@ def _difference(path: Path, record: FileRecord) -> str:
 def _unknown(root: Path, below: str, records: Mapping[str, FileRecord]) -> Iterator[Check]:
     """Yield a check for each file that no record names."""
     apart = nested_runs(root)
-    known = {root / name for name in records} | _recorded_beside(root)
+    recorded = {root / name for name in records} | _recorded_beside(root)
     for path in sorted((root / below).rglob("*")):
         relative = path.relative_to(root)
-        if path.is_dir() or path in known or LEDGERS in relative.parts:
+        if path.is_dir() or path in recorded or LEDGERS in relative.parts:
             continue
         if relative.as_posix() in UNRECORDED or any(path.is_relative_to(run) for run in apart):
             continue

@@ -203,7 +203,7 @@ def test_walks_without_a_result_are_left_out_of_pairs() -> None:
 
 
 def test_the_number_of_samples_that_would_show_a_difference_does_so() -> None:
-    """Simulated: with k times the seeds and scenes, the interval is as narrow as foreseen."""
+    """Simulated: with k times the seeds and scenes, the interval is as narrow as expected_row."""
     found = difference(trials([0.4, 0.45, 0.35], scene_spread=0.1), trials([0.4] * 3, seed=1))
     target = found.half_width / 2
     factor = found.factor_to_show(target)

@@ -62,8 +62,8 @@ def align_episodes(
         if key not in fits:
             try:
                 if scene not in bundles:
-                    known = ", ".join(sorted(bundles)) or "none"
-                    raise RejectedError(f"scene {raw.scene_id!r} is missing; given: {known}")
+                    names = ", ".join(sorted(bundles)) or "none"
+                    raise RejectedError(f"scene {raw.scene_id!r} is missing; given: {names}")
                 if scene not in freemaps:
                     levels = range(len(bundles[scene].level_floor_z_m))
                     freemaps[scene] = [
@@ -95,14 +95,14 @@ def _path_key(raw: VlnceEpisode) -> tuple[Any, ...]:
 def _kinds(changes: Mapping[str, Any]) -> list[str]:
     """Return the kinds of changes made to a path."""
     inner = any(nudge["point"].startswith("waypoint") for nudge in changes["nudges"])
-    found = {
+    kinds = {
         "start moved": changes["start_moved_m"] > 0,
         "goal moved": changes["goal_moved_m"] > 0,
         "waypoints moved": inner,
         "waypoints bypassed": bool(changes["bypassed"]),
         "heights snapped": bool(changes["height_snaps"]),
     }
-    return [kind for kind, is_so in found.items() if is_so]
+    return [kind for kind, is_so in kinds.items() if is_so]
 
 
 def _episode(

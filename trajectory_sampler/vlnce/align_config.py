@@ -9,7 +9,7 @@ from ..config import check_free_height
 
 @dataclass(frozen=True)
 class AlignConfig:
-    """How episodes are fitted into a scene.
+    """Tolerances of the alignment.
 
     Attributes:
         split: name written into the episodes; None takes it from the file's name.

@@ -70,7 +70,7 @@ def fit_path(
         moved[f"waypoint {k}"] = float(np.linalg.norm(place - point[:2]))
     allowed = config.max_bypassed_share * max(1, len(path) - 2)
     if len(bypassed) > allowed:
-        where = ", ".join(str(one["waypoint"]) for one in bypassed)
+        where = ", ".join(str(entry["waypoint"]) for entry in bypassed)
         raise RejectedError(
             f"waypoints {where} of {len(path)} stand in collision, farther than "
             f"{config.max_waypoint_nudge_m:g} m from floor that a robot of radius "
@@ -147,17 +147,17 @@ def _connected_ends(
         (start, "start", config.max_start_nudge_m),
         (goal, "goal", config.max_goal_nudge_m),
     ):
-        found = {
+        places = {
             part: place
             for part in _parts_near(freemap, parts, point, limit)
             if (place := _nearest(freemap, parts == part, point, limit)) is not None
         }
-        if not found:
+        if not places:
             raise RejectedError(
                 f"the {what} at {_place(point)} is in collision, farther than "
                 f"{limit:g} m from floor that is free for radius {config.robot_radius_m:g} m"
             )
-        options.append(found)
+        options.append(places)
     common = options[0].keys() & options[1].keys()
     if not common:
         raise RejectedError(
@@ -166,12 +166,12 @@ def _connected_ends(
         )
     moved = {
         part: [
-            float(np.linalg.norm(found[part] - point[:2]))
-            for found, point in zip(options, (start, goal), strict=True)
+            float(np.linalg.norm(places[part] - point[:2]))
+            for places, point in zip(options, (start, goal), strict=True)
         ]
         for part in sorted(common)
     }
-    part = min(moved, key=lambda one: (_too_far(moved[one], config), sum(moved[one])))
+    part = min(moved, key=lambda number: (_too_far(moved[number], config), sum(moved[number])))
     if _too_far(moved[part], config):
         start_moved, goal_moved = moved[part]
         raise RejectedError(
@@ -226,15 +226,15 @@ def _passable(
         if segments_free(freemap.grid, free, np.array([a, b]))[0]:
             pieces.append(b[None])
             continue
-        way = plan_path(freemap, a, b, config.robot_radius_m)
-        if way is None:
+        planned = plan_path(freemap, a, b, config.robot_radius_m)
+        if planned is None:
             raise RejectedError(
                 f"no path leads from waypoint {_place(a)} to {_place(b)} for a robot of "
                 f"radius {config.robot_radius_m:g} m"
             )
         thin = simplify_path(
             freemap,
-            way,
+            planned,
             radius_m=config.robot_radius_m,
             spacing_m=config.waypoint_spacing_m,
             tolerance_m=0.03,

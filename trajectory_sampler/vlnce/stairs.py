@@ -30,7 +30,7 @@ _ABOVE_FLOOR_M = 1.0  # a reference point farther from every floor lies on none
 
 @dataclass(frozen=True)
 class StairRules:
-    """Which rules judge, and how they are combined.
+    """Rules of the stair filter, and how they are combined.
 
     Attributes:
         rules: of `RULES`.
@@ -67,13 +67,13 @@ class DroppedEpisode:
 
     @property
     def reason(self) -> str:
-        """What all rules say, in one line."""
+        """The reasons of all rules in one line."""
         return "; ".join(self.reasons.values())
 
 
 @dataclass(frozen=True)
 class StairCounts:
-    """How many episodes and paths were kept and dropped; a path counts once for its episodes.
+    """Numbers of episodes and paths kept and dropped; a path counts once for its episodes.
 
     Attributes:
         kept, dropped: (episodes, paths).
@@ -130,7 +130,7 @@ def filter_stairs(
     if GEOMETRIC in rules.rules and not bundles:
         raise InputError("the stair rule geometric needs repaired scenes (--scenes)")
     judge = _Judge(rules, bundles or {})
-    kept, dropped = [], []
+    remaining, dropped = [], []
     counted: dict[str, Counter[tuple[str, str]]] = {}
     causes: dict[str, set[str]] = {rule: set() for rule in rules.rules}
     for episode in file.episodes:
@@ -150,7 +150,7 @@ def filter_stairs(
         if out:
             dropped.append(DroppedEpisode(episode.episode_id, against))
         else:
-            kept.append(episode)
+            remaining.append(episode)
 
     def both(name: str) -> tuple[int, int]:
         paths = counted.get(name, Counter())
@@ -161,17 +161,17 @@ def filter_stairs(
         both("dropped"),
         {rule: both(f"by {rule}") for rule in rules.rules},
         {
-            rule: {cause: both(f"{rule}: {cause}") for cause in sorted(found)}
-            for rule, found in causes.items()
-            if found
+            rule: {cause: both(f"{rule}: {cause}") for cause in sorted(rule_causes)}
+            for rule, rule_causes in causes.items()
+            if rule_causes
         },
     )
-    return StairResult(replace(file, episodes=tuple(kept)), tuple(dropped), counts)
+    return StairResult(replace(file, episodes=tuple(remaining)), tuple(dropped), counts)
 
 
 @dataclass(frozen=True)
 class _Opinion:
-    """Why a rule drops an episode, or why it cannot judge it; both may be empty."""
+    """The reason why a rule drops an episode, or cannot judge it; both may be empty."""
 
     reason: str = ""
     unable: str = ""

@@ -1,1 +1,1 @@
-"""Where a text leads on a map: its sub-goals, the ways, and what they cost."""
+"""Finds where a text leads on a map: its sub-goals, the ways, and their costs."""

@@ -1,4 +1,4 @@
-"""What it costs to meet the sub-goals of a text along the ways to each place of a level.
+"""Costs of meeting the sub-goals of a text along the ways to each place of a level.
 
 The walker must come by the things, pass the doors, make the turns and stop, in the order of the
 text. Turns that the text does not mention cost a little; a sub-goal that cannot be met ends a way.
@@ -78,13 +78,13 @@ def _turn(goal: SubGoal, reached: Array, ways: Ways) -> Array:
     sign = 1.0 if goal.side == "left" else -1.0
     angle = sign * ways.turn_rad
     before = reached[ways.before[1]]
-    made = np.where(ways.event & (angle > 0), before, np.inf)
+    clear = np.where(ways.event & (angle > 0), before, np.inf)
     slight = goal.degree in ("slight", "some")
     least = _HINT_RAD if slight else _PLAIN_RAD
     hint = np.where((angle >= least) & ~ways.event, reached, np.inf) + (0.1 if slight else 0.5)
     # Two turns close together are one bend when seen two metres back.
     double = np.where(sign * ways.long_turn_rad >= np.deg2rad(110.0), reached, np.inf) + 0.4
-    turned = np.minimum(np.minimum(made, hint), double)
+    turned = np.minimum(np.minimum(clear, hint), double)
     on = ways.before[_ON]
     return turned[on] + ways.unmentioned - ways.unmentioned[on]
 

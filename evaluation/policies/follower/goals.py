@@ -8,7 +8,7 @@ from ....instruction_gen.language.claims import Claim, Step
 
 @dataclass(frozen=True)
 class Place:
-    """What a sub-goal names.
+    """The place that a sub-goal names.
 
     Attributes:
         kind: `object`, `room`, `door`, or `any` room.

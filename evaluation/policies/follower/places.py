@@ -1,4 +1,4 @@
-"""How well each cell of a tree of ways is the place that a noun phrase names."""
+"""Costs of taking each cell of a tree of ways for the place that a noun phrase names."""
 
 from collections.abc import Sequence
 

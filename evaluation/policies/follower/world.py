@@ -1,4 +1,4 @@
-"""What the follower knows: free space, rooms, doorways and labelled objects of a level."""
+"""The map of the follower: free space, rooms, doorways and labelled objects of a level."""
 
 from __future__ import annotations
 
@@ -114,9 +114,9 @@ class World:
         """Return indices of things that may be called so; `kitchen table`: a table in a kitchen."""
         if head in ("door", DOOR):
             return [k for k, t in enumerate(self.things) if t.noun == DOOR]
-        found = [k for k, t in enumerate(self.things) if called(t.noun, head)]
-        if found or " " not in head:
-            return found
+        matches = [k for k, t in enumerate(self.things) if called(t.noun, head)]
+        if matches or " " not in head:
+            return matches
         room, kind = head.rsplit(" ", 1)
         inside = set(self.regions_called(room))
         return [k for k, t in enumerate(self.things) if called(t.noun, kind) and t.region in inside]

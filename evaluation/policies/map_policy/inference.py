@@ -1,4 +1,4 @@
-"""Where an instruction leads on the map seen so far: to its end, or to a frontier."""
+"""Finds where an instruction leads on the map seen so far: to its end, or to a frontier."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _SAME_M = 0.7  # frontiers this close are one
 
 @dataclass(frozen=True)
 class Weights:
-    """What the choice between ends and frontiers weighs; tuned on four generated homes.
+    """Weights of the choice between ends and frontiers; tuned on four generated homes.
 
     Attributes:
         per_metre: cost of a metre of the way that the instruction describes.
@@ -50,7 +50,7 @@ class Weights:
 
 @dataclass(frozen=True)
 class Target:
-    """Where to go next.
+    """The place to go to next.
 
     Attributes:
         xy_m: (2,) in the start frame.

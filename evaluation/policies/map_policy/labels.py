@@ -1,4 +1,4 @@
-"""Where the labels of an image come from: here the renderer's ids, an oracle.
+"""Sources of the labels of an image: here the renderer's ids, an oracle.
 
 `model_labels` has those of a vision-language model.
 """

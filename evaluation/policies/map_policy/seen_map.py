@@ -75,7 +75,7 @@ class SeenThing:
 
 @dataclass
 class SeenMap:
-    """What has been seen so far.
+    """The map of all that has been seen so far.
 
     Attributes:
         grid: cells of `CELL_M` about the start.

@@ -20,7 +20,7 @@ from ....learning.training.session import Planned
 from ....trajectory_sampler.config import SampleConfig
 from ....trajectory_sampler.sampling import sample_episodes
 from ...inputs.crews import chosen_robots
-from ...inputs.episode_file import asked_episodes
+from ...inputs.episode_file import episodes_of
 from ...options.training import Train
 
 logger = logging.getLogger(__name__)
@@ -38,7 +38,7 @@ def more_episodes(
     `folder`. Texts are the composer's, of what the map alone shows.
     """
     (robot,) = chosen_robots(options.robot)
-    there, scenes = asked_episodes(run, None, None)
+    run_episodes, scenes = episodes_of(run, None, None)
     paths = [t for s in planned.plan.sources for t in s.selection.trajectories()]
     names = sorted({scene_of(path) for path in paths})
     if lacking := [name for name in names if not (scenes / name).is_dir()]:
@@ -62,24 +62,24 @@ def more_episodes(
     held = planned.holdout.trajectories
     avoid = [
         episode
-        for episode in there
+        for episode in run_episodes
         if is_published_holdout(episode.split)
         or f"{episode.scene_id}/{episode.trajectory_id}" in held
     ]
-    known = {f"{episode.scene_id}/{episode.trajectory_id}" for episode in there}
-    if unknown := sorted(t for t in held - known if scene_of(t) in names):
+    available = {f"{episode.scene_id}/{episode.trajectory_id}" for episode in run_episodes}
+    if unknown := sorted(t for t in held - available if scene_of(t) in names):
         raise InputError(
             f"{run}: lacks the episode of {unknown[0]}, which is held out; --augment keeps away "
             "from held-out paths, so name the run that holds them with --run FOLDER"
         )
-    found: list[Episode] = []
+    episodes: list[Episode] = []
     for number, name in enumerate(names):
         count = options.augment // len(names) + (number < options.augment % len(names))
         if count:
             sampling = SampleConfig(count=count, robot_radius_m=robot.footprint_radius_m)
             near = [episode for episode in avoid if episode.scene_id == name]
-            found += _sampled(scenes / name, sampling, near, seed)
-    texts = instruct_episodes(found, scenes, InstructConfig(), seed)
+            episodes += _sampled(scenes / name, sampling, near, seed)
+    texts = instruct_episodes(episodes, scenes, InstructConfig(), seed)
     for episode, reason in texts.failed.items():
         logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)
     if not texts.episodes:
@@ -115,6 +115,6 @@ def walker(options: Train) -> dict[str, Any]:
 def check_made_by(folder: Path, made_by: Mapping[str, Any]) -> None:
     """Raise FileFormatError if walks in a folder were made with other settings, or unknown ones."""
     file = folder / MADE_BY
-    known = read_json(file) if file.is_file() else made_by
-    if known != made_by or (not file.is_file() and any(folder.glob("*.npz"))):
+    recorded = read_json(file) if file.is_file() else made_by
+    if recorded != made_by or (not file.is_file() and any(folder.glob("*.npz"))):
         raise FileFormatError(file, "walked with other settings or data; use another output folder")

@@ -1,4 +1,4 @@
-"""What a training does in closed loop: validation, augmentation, and DAgger."""
+"""Closed loop during a training: validation, augmentation, and DAgger."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -27,7 +27,7 @@ from ....learning.training.curves import Validation
 from ....learning.training.session import Planned, Request, Result, train_recipe
 from ....rendering.camera.views import CameraOverrides
 from ...inputs.crews import chosen_robots
-from ...inputs.episode_file import asked_episodes
+from ...inputs.episode_file import episodes_of
 from ...inputs.views import chosen_views
 from ...options.training import Train
 from .augment import MADE_BY, check_made_by, more_episodes, walker
@@ -45,7 +45,7 @@ class _Walks:
 
     def round(self, card: Card, count: int, held_out: frozenset[str] = frozenset()) -> Round:
         """Return up to `count` episodes, evenly spread, none of a trajectory that is held out."""
-        episodes, scenes = asked_episodes(run_of(self.options), None, self.split)
+        episodes, scenes = episodes_of(run_of(self.options), None, self.split)
         episodes = [e for e in episodes if f"{e.scene_id}/{e.trajectory_id}" not in held_out]
         return _round(self.options, card.view, card.lights, spread(episodes, count), scenes)
 
@@ -70,11 +70,11 @@ def validation(options: Train) -> Validation | None:
     def validate(model: Model, card: Card) -> dict[str, float]:
         policy = LearnedPolicy(Checkpoint(card, model, ""))
         walks = _Walks(options, options.validate_split).round(card, options.validate)
-        found = [walk.metrics for walk in walks.walk(policy)]
+        metrics = [walk.metrics for walk in walks.walk(policy)]
         return {
-            "SR": 100 * sum(m.success for m in found) / len(found),
-            "OS": 100 * sum(m.oracle_success for m in found) / len(found),
-            "NE": sum(m.navigation_error_m for m in found) / len(found),
+            "SR": 100 * sum(m.success for m in metrics) / len(metrics),
+            "OS": 100 * sum(m.oracle_success for m in metrics) / len(metrics),
+            "NE": sum(m.navigation_error_m for m in metrics) / len(metrics),
         }
 
     return validate
@@ -172,8 +172,8 @@ def _walked(
     with progress_bar(label, count, initial=count * done.is_file()) as bar:
         for number, start in enumerate(() if done.is_file() else walks.starts()):
             path = folder / f"{number:04d}.npz"
-            if not path.is_file() and (made := walk(number, *start)) is not None:
-                write_correction(path, made)
+            if not path.is_file() and (correction := walk(number, *start)) is not None:
+                write_correction(path, correction)
             bar.update()
     write_bytes(done, b"")
     return tuple(sorted(folder.glob("*.npz")))

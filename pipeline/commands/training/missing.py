@@ -1,4 +1,4 @@
-"""What a training lacks: the commands that collect it, and the run that must be named."""
+"""Commands that collect missing training data, and the run whose episodes are walked."""
 
 import shlex
 from collections.abc import Iterable, Iterator
@@ -58,34 +58,34 @@ def collect_command(source: Source, data: Path) -> str:
         "--light": source.lights,
         "--camera": () if source.cameras == (OWN_VIEW,) else source.cameras,
     }
-    wanted = {option: ",".join(names) for option, names in options.items() if names}
+    requested = {option: ",".join(names) for option, names in options.items() if names}
     runs = [run for run in (data, *sorted(data.glob("*"))) if (run / MANIFEST_NAME).is_file()]
     ledgers = [ledger for ledger in map(Ledger, runs) if f" {COLLECT} " in f"{ledger.finished} "]
     if not ledgers:
-        wanted |= {"--episodes": str(NEW_PATHS), "--out": str(data / NEW_RUN)}
-        return f"{program()} {COLLECT} {shlex.join(chain(*wanted.items()))}"
-    ledger = max(ledgers, key=lambda one: sum(_paths(one).values()))
+        requested |= {"--episodes": str(NEW_PATHS), "--out": str(data / NEW_RUN)}
+        return f"{program()} {COLLECT} {shlex.join(chain(*requested.items()))}"
+    ledger = max(ledgers, key=lambda candidate: sum(_paths(candidate).values()))
     command, _, rest = f"{ledger.finished} ".partition(f" {COLLECT} ")
     words = shlex.split(rest)
     # The last command may have asked for fewer paths than the robots before had walked.
     given = dict(pairwise(words)).get("--episodes", "" if "--splits" in words else Collect.episodes)
     walked = max(_paths(ledger).values(), default=0)
     if given.isdecimal() and int(given) < walked:
-        wanted["--episodes"] = str(walked)
-    kept = [
+        requested["--episodes"] = str(walked)
+    remaining = [
         word
         for word, previous in zip(words, ["", *words], strict=False)
-        if word not in wanted and previous not in wanted
+        if word not in requested and previous not in requested
     ]
-    return f"{command} {COLLECT} {shlex.join([*kept, *chain(*wanted.items())])}"
+    return f"{command} {COLLECT} {shlex.join([*remaining, *chain(*requested.items())])}"
 
 
 def _paths(ledger: Ledger) -> dict[str, int]:
     """Return on how many paths a run's robots have walked, by scene."""
-    found: dict[str, set[str]] = {}
+    by_scene: dict[str, set[str]] = {}
     for row in ledger.done("replay"):
-        found.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
-    return {scene: len(paths) for scene, paths in found.items()}
+        by_scene.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
+    return {scene: len(paths) for scene, paths in by_scene.items()}
 
 
 def run_of(options: Train) -> Path:

@@ -35,8 +35,8 @@ def run(options: Train) -> int:
 
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
-    for flag, asked in (("--augment", options.augment), ("--dagger", options.dagger)):
-        if asked and _changes(options, recipe.train)["model"].get("name") == RDP:
+    for flag, count in (("--augment", options.augment), ("--dagger", options.dagger)):
+        if count and _changes(options, recipe.train)["model"].get("name") == RDP:
             raise InputError(_NO_WALKS.format(flag=flag))
     if options.out.is_dir():
         sweep(options.out)

@@ -63,7 +63,7 @@ class Dataset:
         return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
-def wanted(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
+def rows_to_export(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
     """Return the rows of the render stage that are to be exported, by item."""
     if not only_success:
         return dict(frames)
@@ -167,7 +167,9 @@ def review_digests(root: Path) -> Callable[[str], str]:
     decisions = DecisionFile(root / REVIEW_NAME)
     by_path: dict[str, list[dict[str, Any]]] = {}
     for (path, _), decided in sorted(decisions.current().items()):
-        by_path.setdefault(path, []).extend(asdict(one) for _, one in sorted(decided.items()))
+        by_path.setdefault(path, []).extend(
+            asdict(decision) for _, decision in sorted(decided.items())
+        )
     files = sorted((root / "episodes").glob("*.json.gz")) if by_path else []
     episodes = [e for f in files for e in read_episodes(f)]
     walked = group_by_path(episodes)

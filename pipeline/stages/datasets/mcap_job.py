@@ -71,7 +71,7 @@ class McapJob:
         return ItemResult({"bytes": self.out.stat().st_size})
 
 
-# Of all episodes of a scene and robot the same; together they take a tenth of writing one.
+# The same for all episodes of a scene and robot; they take a tenth of writing one.
 @lru_cache(maxsize=1)
 def _bundle(scene: Path) -> SceneBundle:
     return load_bundle(scene)

@@ -18,8 +18,8 @@ def reviewed_rollout(rollout: Path, review: Path) -> Rollout:
         VlnpeError: there are none.
     """
     recorded = rollout_at(rollout)
-    kept, lost = apply_decisions([recorded.episode], DecisionFile(review))
+    accepted, lost = apply_decisions([recorded.episode], DecisionFile(review))
     if lost:
         reason = lost[recorded.episode.episode_id]
         raise VlnpeError(f"no text is left after review: {reason}")
-    return replace(recorded, episode=kept[0])
+    return replace(recorded, episode=accepted[0])

@@ -30,10 +30,10 @@ def filter_item(
         scenes: rows of the repair stage by scene id, for the rule `geometric`.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    known = (scenes or {}) if GEOMETRIC in rules.rules else {}
-    folders = {name: scenes_folder / name for name in known} if scenes_folder else {}
+    repaired = (scenes or {}) if GEOMETRIC in rules.rules else {}
+    folders = {name: scenes_folder / name for name in repaired} if scenes_folder else {}
     job = FilterJob(source, out, rules, folders)
-    made_of = {"file": file_digest(source), "scenes": {n: row.key for n, row in known.items()}}
+    made_of = {"file": file_digest(source), "scenes": {n: row.key for n, row in repaired.items()}}
     return work_item(FILTER_STAGE, source.name, job, (out,), rules, **made_of)
 
 
@@ -51,13 +51,13 @@ def items(
         outs: filled with the episode file of each item, by its name.
     """
     result = []
-    for source, made in sources.items():
+    for source, content_key in sources.items():
         file = read_vlnce(source)
         named = {episode.scene_stem for episode in file.episodes}
         for scene in sorted(named & scenes.keys()):
             name = part_name(file.split, scene, len(sources))
             job = AlignJob(source, {scene: folder / scene}, outs[name], config)
-            inputs = (made, scenes[scene].key, config)
+            inputs = (content_key, scenes[scene].key, config)
             result.append(work_item(STAGE, name, job, (outs[name],), *inputs))
     return result
 
@@ -92,14 +92,12 @@ def record_rejected(
         for name, reason in row.facts["rejected"]:
             name = _named(row.facts["split"], name, count)
             ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
-    known = ", ".join(sorted(scenes)) or "none"
+    repaired = ", ".join(sorted(scenes)) or "none"
     for source in sources:
         file = read_vlnce(source)
         for episode in file.episodes:
             if episode.scene_stem not in scenes:
-                reason = (
-                    f"scene {episode.scene_id!r} was not given or not repaired; repaired: {known}"
-                )
+                reason = f"scene {episode.scene_id!r} is not among the repaired: {repaired}"
                 name = _named(file.split, str(episode.episode_id), count)
                 ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
     ledger.save()

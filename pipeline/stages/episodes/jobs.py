@@ -96,8 +96,8 @@ class AlignJob:
     def run(self) -> ItemResult:
         """Align the episodes of `source` that lie in `scenes`."""
         file = read_vlnce(self.source)
-        wanted = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
-        file = replace(file, episodes=wanted)
+        here = tuple(e for e in file.episodes if e.scene_stem in self.scenes)
+        file = replace(file, episodes=here)
         result = align_episodes(file, _bundles(self.scenes, file), self.config)
         write_episodes(self.out, result.episodes)
         facts = {

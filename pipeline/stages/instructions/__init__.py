@@ -1,1 +1,1 @@
-"""What the stages `look`, `name` and `instruct` do: visibility, names of objects, texts."""
+"""Stages `look`, `name` and `instruct`: visibility, names of objects, texts."""

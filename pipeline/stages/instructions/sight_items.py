@@ -25,7 +25,7 @@ NAME_STAGE = "name"
 
 @dataclass(frozen=True)
 class Sight:
-    """How the paths of scenes are looked at before they are instructed.
+    """Observation of the paths of scenes before they are instructed.
 
     Attributes:
         every: look also along paths that have an instruction already.
@@ -100,7 +100,7 @@ def named_scenes(
     return stage(NAME_STAGE, items, required=True)
 
 
-def was_asked(row: Row) -> bool:
+def used_model(row: Row) -> bool:
     """Return whether the model was asked about a scene: those with labels need none."""
     return "language_model" in row.facts
 
@@ -108,7 +108,7 @@ def was_asked(row: Row) -> bool:
 def model_usage(rows: Iterable[Row]) -> dict[str, Any]:
     """Return requests, tokens and cost so far; empty if no scene needed any."""
     used = [row.facts.get("language_model") or {} for row in rows]
-    return max(used, key=lambda one: one.get("requests", 0), default={})
+    return max(used, key=lambda usage: usage.get("requests", 0), default={})
 
 
 def naming_report(rows: Iterable[Row]) -> list[str]:
@@ -120,11 +120,11 @@ def _line(row: Row) -> str:
     facts = row.facts
     if facts["labelled"]:
         return "has labels of its own; the vision-language model was not asked"
-    if not was_asked(row):
+    if not used_model(row):
         return "all paths have instructions; the vision-language model was not asked"
-    asked = (facts["asked_for_things"], facts["asked_for_rooms"])
+    tallies = (facts["asked_for_things"], facts["asked_for_rooms"])
     frames, unknown, unanswered = (
-        sum(one[key] for one in asked) for key in ("frames", "unknown", "unanswered")
+        sum(tally[key] for tally in tallies) for key in ("frames", "unknown", "unanswered")
     )
     left_out = f"; {unknown} unknown names were left out" if unknown else ""
     left_out += f"; {unanswered} had no usable answer" if unanswered else ""

@@ -1,4 +1,4 @@
-"""What the robot's own camera sees along the paths, for the instructions.
+"""Objects that the robot's own camera sees along the paths, for the instructions.
 
 Images are small and drawn every half metre: they name pixels, they are not looked at. The camera
 stands where the robot's does when it stands, and looks along the path.
@@ -80,12 +80,12 @@ def look(
     camera, renderer = eye.camera, make_renderer(bundle)
     counter = _Counter(bundle, bundle.visual(), camera)
     for trajectory_id, path_m in paths.items():
-        looks, glimpses = looks_along(path_m), []
-        for along, point, yaw in looks:
+        poses, glimpses = looks_along(path_m), []
+        for along, point, yaw in poses:
             position, quat = eye.pose(point, yaw)
             frame = renderer.render_labelled(camera, position, quat)
             glimpses += counter.glimpses(frame, along, position, quat_to_matrix(quat))
-        yield trajectory_id, PathSight(tuple(a for a, _, _ in looks), tuple(glimpses))
+        yield trajectory_id, PathSight(tuple(a for a, _, _ in poses), tuple(glimpses))
 
 
 class StandingEye:

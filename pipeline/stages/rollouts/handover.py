@@ -1,4 +1,4 @@
-"""What a job leaves in memory for the next one of its episode, if one worker runs both.
+"""Results that stay in memory for the next job of an episode, if one worker runs both.
 
 Reading a rollout takes a tenth as long as walking it, and decoding depth four tenths as long as
 encoding it. Files count, not what was meant to be in them: if one was replaced since, it is read.

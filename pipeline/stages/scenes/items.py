@@ -153,7 +153,7 @@ def source_digest(source: Path) -> str:
 
 def _beside(source: Path) -> list[Path]:
     """Return the files in and below the scan's folder that it may refer to, sorted by path."""
-    found: list[Path] = []
+    paths: list[Path] = []
     count = 0
     for folder, folders, files in source.parent.walk():
         # What a run wrote beside its scan must not make the scan another one.
@@ -171,11 +171,11 @@ def _beside(source: Path) -> list[Path]:
                 f"its folder {source.parent} has more than {MAX_BESIDE:,} files, any of which it "
                 "may reference; move the scan and its textures to a folder of their own",
             )
-        found += [
+        paths += [
             folder / name
             for name in files
             if Path(name).suffix.lower() in SIDE_FILES
             and not name.startswith(".")
             and (folder / name).is_file()
         ]
-    return sorted(found)
+    return sorted(paths)
