@@ -13,7 +13,7 @@ from tests.support.paths import path_clearance
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.frames import wrap_angle
 from vlnpe.formats.core.geometry import path_length, point_along, resample
-from vlnpe.formats.scene.bundle import LabeledObject, load_bundle
+from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
@@ -292,17 +292,22 @@ def test_paths_that_turn_too_much_are_dropped_and_counted(two_rooms):
     assert result.dropped["turning"] > 0
 
 
+def with_free(bundle, folder, change) -> SceneBundle:
+    """Return a copy of a scene whose free cells `change` gives: (free, x [m], y [m]) → free."""
+    root = folder / "changed"
+    shutil.copytree(bundle.root, root)
+    path = root / "levels" / "0" / "freemap.npz"
+    arrays = dict(np.load(path))
+    grid = bundle.freemap(0).grid
+    x, y = np.moveaxis(grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
+    np.savez(path, **{**arrays, "traversable": change(arrays["traversable"], x, y)})
+    return load_bundle(root)
+
+
 def test_every_component_counts(two_rooms, tmp_path):
     """With the door closed both rooms are used, not only the larger one."""
-    root = tmp_path / "closed"
-    shutil.copytree(two_rooms.root, root)
-    path = root / "levels" / "0" / "freemap.npz"
-    content = dict(np.load(path))
-    grid = two_rooms.freemap(0).grid
-    x = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))[..., 0]
-    blocked = (x > 3.7) & (x < 4.3)
-    np.savez(path, **{**content, "traversable": content["traversable"] & ~blocked})
-    result = sample(load_bundle(root), count=6, min_length_m=2.0, min_crossings=0, min_gap_m=0.8)
+    closed = with_free(two_rooms, tmp_path, lambda free, x, y: free & ~((x > 3.7) & (x < 4.3)))
+    result = sample(closed, count=6, min_length_m=2.0, min_crossings=0, min_gap_m=0.8)
     sides = {bool(e.start_position_world_m[0] > 4.0) for e in result.episodes}
     assert sides == {True, False}
     for episode in result.episodes:
@@ -325,14 +330,7 @@ def test_no_length_is_below_the_least_one(two_rooms, seed):
 @pytest.fixture
 def small_room(two_rooms, tmp_path):
     """The kitchen of `two_rooms` with its door closed: 4 × 4 m with a table."""
-    root = tmp_path / "small_room"
-    shutil.copytree(two_rooms.root, root)
-    path = root / "levels" / "0" / "freemap.npz"
-    arrays = dict(np.load(path))
-    grid = two_rooms.freemap(0).grid
-    x = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))[..., 0]
-    np.savez(path, **{**arrays, "traversable": arrays["traversable"] & (x < 3.9)})
-    return load_bundle(root)
+    return with_free(two_rooms, tmp_path, lambda free, x, y: free & (x < 3.9))
 
 
 def test_a_small_room_gives_as_many_as_asked_for(small_room):
@@ -345,19 +343,16 @@ def test_a_small_room_gives_as_many_as_asked_for(small_room):
 @pytest.fixture
 def bedroom(two_rooms, tmp_path):
     """A furnished bedroom of 5 × 4 m, alone: bed, wardrobe, desk and chair leave 13 m²."""
-    root = tmp_path / "bedroom"
-    shutil.copytree(two_rooms.root, root)
-    path = root / "levels" / "0" / "freemap.npz"
-    arrays = dict(np.load(path))
-    grid = two_rooms.freemap(0).grid
-    x, y = np.moveaxis(grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
-    free = (x > 0) & (x < 5) & (y > 0) & (y < 4)
     furniture = {"bed": (0, 2.1, 1.2, 2.8), "wardrobe": (3.0, 5, 3.4, 4)}
     furniture |= {"desk": (3.4, 5, 0, 0.7), "chair": (3.9, 4.4, 0.7, 1.1)}
-    for x0, x1, y0, y1 in furniture.values():
-        free &= ~((x > x0) & (x < x1) & (y > y0) & (y < y1))
-    np.savez(path, **{**arrays, "traversable": free})
-    return replace(load_bundle(root), objects=())
+
+    def change(free, x, y):
+        free = (x > 0) & (x < 5) & (y > 0) & (y < 4)
+        for x0, x1, y0, y1 in furniture.values():
+            free &= ~((x > x0) & (x < x1) & (y > y0) & (y < y1))
+        return free
+
+    return replace(with_free(two_rooms, tmp_path, change), objects=())
 
 
 @pytest.mark.chain

@@ -43,6 +43,17 @@ def run(root: Path, execution: Execution, todo: list[WorkItem]):
         executor.close()
 
 
+def run_while(action, executor, root, todo):
+    """Run items while `action` runs beside them; return the stage's summary."""
+    thread = threading.Thread(target=action)
+    thread.start()
+    try:
+        return run_stage(Context(Ledger(root), executor, progress=False), "s", todo)
+    finally:
+        thread.join()
+        executor.close()
+
+
 class TestRay:
     """On a cluster of two node processes, each with one core."""
 
@@ -68,14 +79,7 @@ class TestRay:
                 time.sleep(0.05)
             head.remove_node(second, allow_graceful=False)
 
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            context = Context(Ledger(tmp_path), executor, progress=False)
-            summary = run_stage(context, "s", todo)
-        finally:
-            thread.join()
-            executor.close()
+        summary = run_while(kill, executor, tmp_path, todo)
         assert (summary.done, summary.quarantined) == (12, 0)
         assert [p.read_text() for p in sorted(tmp_path.glob("*.txt"))] == [i.name for i in todo]
 
@@ -90,14 +94,7 @@ class TestRay:
                 time.sleep(0.05)
             kill_agents(second)
 
-        thread = threading.Thread(target=kill)
-        thread.start()
-        try:
-            context = Context(Ledger(tmp_path), executor, progress=False)
-            summary = run_stage(context, "s", todo)
-        finally:
-            thread.join()
-            executor.close()
+        summary = run_while(kill, executor, tmp_path, todo)
         assert (summary.done, summary.quarantined) == (10, 0)
 
     def test_errors_and_deaths_are_quarantined_by_name(self, cluster, tmp_path):
