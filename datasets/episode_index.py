@@ -24,13 +24,7 @@ from ..formats.untrusted.tables import read_schema, read_table
 log = logging.getLogger(__name__)
 
 # Those of meta/episodes' 250 columns that loaders and mixtures use; statistics stay on disk.
-_PLACES = (
-    "episode_index",
-    "length",
-    "dataset_from_index",
-    "data/chunk_index",
-    "data/file_index",
-)
+_PLACES = ("episode_index", "length", "dataset_from_index", "data/chunk_index", "data/file_index")
 _LABELS = (
     "episode_uid",
     "trajectory_id",

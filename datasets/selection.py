@@ -116,9 +116,7 @@ def select_all(datasets: Iterable[DatasetIndex | Path]) -> Selection:
     )
 
 
-def common_columns(
-    datasets: Sequence[DatasetIndex],
-) -> dict[str, tuple[str, tuple[int, ...]]]:
+def common_columns(datasets: Sequence[DatasetIndex]) -> dict[str, tuple[str, tuple[int, ...]]]:
     """Return the features that all datasets have in one type and shape, which can be batched.
 
     Joints and feet differ between robots, so only datasets of one robot have them in common.

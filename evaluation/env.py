@@ -20,14 +20,7 @@ from ..rendering.registry import make_renderer, scene_renderer_name
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from .episode import closed_loop, evaluate_episode
 from .motions import DISCRETE, check_kind, checked_motion, numbers_of
-from .observation import (
-    BlankEye,
-    Eye,
-    Observation,
-    checked_action,
-    proprioception,
-    relative_pose,
-)
+from .observation import BlankEye, Eye, Observation, Start, checked_action, proprioception
 from .policy import Assignment
 from .spaces import (
     action_space,
@@ -133,7 +126,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         physics = base.physics.for_episode(lowest)
         self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
-        self._eye: Eye | BlankEye = BlankEye(self._view)
+        self._eye: Eye | BlankEye = BlankEye(self._view.camera)
         if images:
             renderer = make_renderer(self._bundle, self._view.renderer, light=self._view.light)
             self._eye = Eye(self.world, self._view, renderer)
@@ -177,8 +170,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             ended = self._walk.rollout
             reason = ended.end_reason if ended else "unknown"
             raise InputError(f"episode {self.episode.episode_id} cannot be started: {reason}")
-        pose = self.world.pose
-        self._start = (pose.x_m, pose.y_m, pose.yaw_rad)
+        self._start = Start.of(self.world)
         self._distance_m = self._to_goal_m()
         return self._shown(self._last), self._info()
 
@@ -206,7 +198,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             rgb=rgb.copy(),
             depth_m=depth_m.copy(),
             instruction=self.episode.instruction,
-            pose=relative_pose(self.world, self._start),
+            pose=self._start.pose_of(self.world),
             proprioception=proprioception(self.world),
             previous_action=self._taken(action),
             step=self._last.step + 1,
@@ -235,7 +227,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             self.world,
             self.episode,
             self._config,
-            _Asked(ask),
+            _CallerPolicy(ask),
             self._eye,
             kind=self._kind,
             waypoints=self._waypoints,
@@ -270,7 +262,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         return {name: shown[name] for name in self._modalities}
 
 
-class _Asked:
+class _CallerPolicy:
     """A policy whose actions come from the environment's caller."""
 
     blind = False

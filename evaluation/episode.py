@@ -23,7 +23,6 @@ from .observation import (
     Start,
     checked_action,
     proprioception,
-    relative_pose,
 )
 from .policy import Assignment, Policy, PolicyError
 
@@ -46,30 +45,27 @@ class PolicyChooser:
     eye: Eye | BlankEye | None
     kind: str = DISCRETE
     waypoints: int = 1
-    _start: tuple[float, float, float] | None = None
-    _frame: Start | None = None
+    _start: Start | None = None
     _previous: Action | Motion | None = None
     _count: int = 0
 
     def observe(self) -> Observation:
         """Return what the robot sees now."""
-        if self._start is None:
-            pose = self.world.pose
-            self._start = (pose.x_m, pose.y_m, pose.yaw_rad)
+        self._start = self._start or Start.of(self.world)
+        eye = self.eye or BlankEye(self.world.robot.camera.model)
         lens: Lens | None = None
         labels: Labels | None = None
-        if isinstance(self.eye, Eye) and getattr(self.policy, "wants_labels", False):
-            rgb, depth_m, labels = self.eye.look_labelled()
+        if isinstance(eye, Eye) and getattr(self.policy, "wants_labels", False):
+            rgb, depth_m, labels = eye.look_labelled()
         else:
-            rgb, depth_m = self.eye.look() if self.eye else _nothing(self.world)
-        if isinstance(self.eye, Eye) and getattr(self.policy, "wants_lens", False):
-            self._frame = self._frame or Start.of(self.world)
-            lens = self.eye.lens(self._frame)
+            rgb, depth_m = eye.look()
+        if isinstance(eye, Eye) and getattr(self.policy, "wants_lens", False):
+            lens = eye.lens(self._start)
         return Observation(
             rgb=rgb,
             depth_m=depth_m,
             instruction=self.assignment.instruction,
-            pose=relative_pose(self.world, self._start),
+            pose=self._start.pose_of(self.world),
             proprioception=proprioception(self.world),
             previous_action=self._shown(self._previous),
             step=self._count,
@@ -79,17 +75,17 @@ class PolicyChooser:
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
         """Return the policy's action; see `Chooser`. The true pose is kept from the policy."""
-        action = self._asked(checked_action)
+        action = self._answer(checked_action)
         self._remember(action)
         return action
 
     def next_motion(self, pose: Pose) -> Motion | None:
         """Return the policy's motion, None for a stop; see `Steerer`."""
-        motion = self._asked(lambda answer: checked_motion(answer, self.kind))
+        motion = self._answer(lambda answer: checked_motion(answer, self.kind))
         self._remember(motion)
         return motion
 
-    def _asked[T](self, check: Callable[[Any], T]) -> T:
+    def _answer[T](self, check: Callable[[Any], T]) -> T:
         observation = self.observe()
         try:
             return check(self.policy.act(observation))
@@ -119,12 +115,6 @@ class PolicyChooser:
             return []
         words, said[:] = [str(text)[:LONGEST_SAID] for text in said], []
         return [(SAID, text) for text in words]
-
-
-def _nothing(world: World) -> tuple[np.ndarray, np.ndarray]:
-    camera = world.robot.camera.model
-    shape = (camera.height_px, camera.width_px)
-    return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
 
 
 def closed_loop(config: ReplayConfig) -> ReplayConfig:

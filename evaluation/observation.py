@@ -39,6 +39,14 @@ class Start:
         z = float(floor_z(world.freemap, np.array([pose.x_m, pose.y_m])))
         return cls(pose.x_m, pose.y_m, z, pose.yaw_rad)
 
+    def pose_of(self, world: World) -> NDArray[np.float64]:
+        """Return x, y [m] and yaw [rad] of a robot's base in this frame, (3,)."""
+        pose = world.pose
+        dx, dy = pose.x_m - self.x_m, pose.y_m - self.y_m
+        cos, sin = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        yaw = wrap_angle(pose.yaw_rad - self.yaw_rad)
+        return np.array([cos * dx + sin * dy, -sin * dx + cos * dy, yaw])
+
     @property
     def rotation(self) -> NDArray[np.float64]:
         """(3, 3) rotation of world vectors into the start frame."""
@@ -128,11 +136,11 @@ class Eye:
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now."""
-        return self._renderer.render(*self._asked())
+        return self._renderer.render(*self._view_arguments())
 
     def look_labelled(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], Labels]:
         """Return RGB, depth and the labels of the state now."""
-        frame = self._renderer.render_labelled(*self._asked())
+        frame = self._renderer.render_labelled(*self._view_arguments())
         bundle = self._world.bundle
         categories = (*(thing.category for thing in bundle.objects), *bundle.labels)
         # Scans may have labels without objects: all that has one label is one thing then.
@@ -157,7 +165,7 @@ class Eye:
         world = self._world
         return world.base[:3], world.base[3:], world.data.qpos[world.handles.joint_qpos]
 
-    def _asked(self) -> tuple[Any, ...]:
+    def _view_arguments(self) -> tuple[Any, ...]:
         """Return the arguments of a rendering: camera, position, quaternion, body."""
         state = self._state()
         position, quat = self._body.camera_pose(self._world.robot.camera.name, *state)
@@ -167,24 +175,15 @@ class Eye:
 
 
 class BlankEye:
-    """A camera that renders nothing: black images of a view's size, without depth."""
+    """A camera that renders nothing: black images of its size, without depth."""
 
-    def __init__(self, view: View) -> None:
-        shape = (view.camera.height_px, view.camera.width_px)
+    def __init__(self, camera: CameraModel) -> None:
+        shape = (camera.height_px, camera.width_px)
         self._images = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32, all zeros."""
         return self._images
-
-
-def relative_pose(world: World, start: tuple[float, float, float]) -> NDArray[np.float64]:
-    """Return x, y [m] and yaw [rad] of the base in the frame of `start`: x, y, yaw in the world."""
-    pose = world.pose
-    dx, dy = pose.x_m - start[0], pose.y_m - start[1]
-    cos, sin = np.cos(start[2]), np.sin(start[2])
-    yaw = wrap_angle(pose.yaw_rad - start[2])
-    return np.array([cos * dx + sin * dy, -sin * dx + cos * dy, yaw])
 
 
 def proprioception(world: World) -> NDArray[np.float64]:

@@ -35,10 +35,7 @@ REMOTE = "no display here: --mode distant serves it at ports 9090 and 9876"
 
 
 def show_summary(
-    folder: RunFolder,
-    summaries: Sequence[StageSummary],
-    page: Path,
-    options: Collect,
+    folder: RunFolder, summaries: Sequence[StageSummary], page: Path, options: Collect
 ) -> int:
     """Print the closing table, or one JSON object; return the exit code.
 

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from ..formats.core.episode import Episode
 from ..formats.core.frames import Array, wrap_angle
@@ -91,25 +93,18 @@ def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) 
     Two paths belong together when they are closer than that, forward or backward, and so do those
     that a chain of such pairs links.
     """
-    parent = list(range(len(paths)))
-
-    def root(k: int) -> int:
-        while parent[k] != k:
-            parent[k] = parent[parent[k]]
-            k = parent[k]
-        return k
-
+    links = np.eye(len(paths), dtype=bool)
     indices: dict[int, tuple[PathIndex, list[int]]] = {}
     for number, (level, path) in enumerate(paths):
         fresh = (PathIndex(config.family_gap_m, config.similarity), [])
         index, numbers = indices.setdefault(level, fresh)
         own = stations(path)
         for other in (*index.near(own), *index.near(own[::-1].copy())):
-            parent[root(number)] = root(numbers[other])
+            links[number, numbers[other]] = True
         index.add(own)
         numbers.append(number)
-    names = {r: k for k, r in enumerate(dict.fromkeys(root(k) for k in range(len(paths))))}
-    return [names[root(k)] for k in range(len(paths))]
+    _, families = connected_components(csr_array(links), directed=False)
+    return families.tolist()
 
 
 def evenly(path_m: Array, spacing_m: float) -> Array:

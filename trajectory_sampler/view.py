@@ -79,11 +79,7 @@ class SceneView:
         return None
 
     def _depth_m(
-        self,
-        rays: PacketScene,
-        floor_m: Array,
-        yaw_rad: float,
-        camera: tuple[float, float, float],
+        self, rays: PacketScene, floor_m: Array, yaw_rad: float, camera: tuple[float, float, float]
     ) -> float:
         """Return the smaller one of the median depths of a picture and of its middle [m]."""
         height_m, forward_m, pitch_deg = camera

@@ -107,11 +107,7 @@ class MixtureSampler:
 
     def state_dict(self) -> dict[str, Any]:
         """Return the position, and what the sequence depends on."""
-        return {
-            "version": _STATE_VERSION,
-            "drawn": self.drawn,
-            **self._identity(),
-        }
+        return {"version": _STATE_VERSION, "drawn": self.drawn, **self._identity()}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Continue at the position of `state`.

@@ -39,10 +39,5 @@ class LearnedPolicy:
         previous = observation.previous_action
         assert isinstance(previous, int)  # of discrete actions, which `reset` demands
         return self._stepper.act(
-            Sight(
-                observation.rgb,
-                observation.depth_m,
-                previous,
-                observation.pose,
-            )
+            Sight(observation.rgb, observation.depth_m, previous, observation.pose)
         )

@@ -58,10 +58,7 @@ class Product:
 
 
 def select_current(
-    run: Run,
-    episodes: Sequence[Episode],
-    scenes: Mapping[str, Row],
-    pairs: Sequence[Crew],
+    run: Run, episodes: Sequence[Episode], scenes: Mapping[str, Row], pairs: Sequence[Crew]
 ) -> None:
     """Leave out robots other than `pairs` that walked other paths, or else than they would now.
 
@@ -205,11 +202,7 @@ def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
 
 
 def _walks(
-    run: Run,
-    episodes: Sequence[Episode],
-    scenes: Mapping[str, Row],
-    walker: Walker,
-    label: str,
+    run: Run, episodes: Sequence[Episode], scenes: Mapping[str, Row], walker: Walker, label: str
 ) -> list[WorkItem]:
     folder = run.folder
     where = (folder.scenes, folder.rollouts, folder.models)

@@ -136,16 +136,6 @@ class RunFolder:
         return self.root / "frames"
 
     @property
-    def lerobot(self) -> Path:
-        """LeRobot datasets."""
-        return self.root / "lerobot"
-
-    @property
-    def mcap(self) -> Path:
-        """MCAP files with images."""
-        return self.root / "mcap"
-
-    @property
     def report(self) -> Path:
         """The report page's folder."""
         return self.root / "report"

@@ -223,11 +223,7 @@ def _run_only(
 
 def _note(summary: StageSummary) -> str:
     return counted(
-        {
-            "quarantined": summary.quarantined,
-            "failed": summary.failed,
-            "reused": summary.reused,
-        }
+        {"quarantined": summary.quarantined, "failed": summary.failed, "reused": summary.reused}
     )
 
 

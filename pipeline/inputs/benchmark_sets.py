@@ -50,7 +50,7 @@ SETS: dict[str, BenchmarkSet] = {
             # 83 of the 84 paths: the composer finds no true text for one.
             "val_unseen": "96d1df710cd9b017484371132f21ed24ceea79ed77a26166c9122831530a7a14",
         },
-    ),
+    )
 }
 
 

@@ -10,9 +10,7 @@ def instruct_config(options: Wording) -> InstructConfig:
     server = None
     if options.writer in (LLM, LOCAL):
         server = settings_from(
-            local=options.writer == LOCAL,
-            max_tokens=options.max_tokens,
-            max_cost=options.max_cost,
+            local=options.writer == LOCAL, max_tokens=options.max_tokens, max_cost=options.max_cost
         )
     return InstructConfig(
         writer=options.writer,

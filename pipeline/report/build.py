@@ -12,14 +12,7 @@ from ..engine.work import ItemResult
 from ..stages.episodes.align_items import filter_lines
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
-from .gather import (
-    RobotRow,
-    diverged_rows,
-    driven,
-    left_out,
-    robot_rows,
-    shared_paths_note,
-)
+from .gather import RobotRow, diverged_rows, driven, left_out, robot_rows, shared_paths_note
 from .maps import ScenePaths, Track, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri, rendered_page

@@ -12,7 +12,6 @@ from vlnpe.collectors.robots import get_robot
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye
 from vlnpe.evaluation.policies.map_policy.inference import goals_of
-from vlnpe.evaluation.policies.map_policy.picture import draw_map
 from vlnpe.evaluation.policies.map_policy.policy import MapPolicy
 from vlnpe.evaluation.policies.map_policy.routes import Routes, next_action, waypoints
 from vlnpe.evaluation.policies.map_policy.seen_map import SeenMap
@@ -75,8 +74,6 @@ def test_its_map_is_that_of_the_rooms(walk) -> None:
     sofa = next(thing for thing in seen.things.values() if thing.noun == "sofa")
     assert np.allclose(sofa.low_m[:2] + START, (6.0, 0.2), atol=0.15)
     assert np.allclose(sofa.high_m[:2] + START, (7.6, 1.0), atol=0.15)
-    picture = draw_map(seen, np.zeros((1, 2)), np.array([2.0, 0.0]))
-    assert len(np.unique(picture.reshape(-1, 3), axis=0)) == 6  # unseen, free, solid, wall, marks
 
 
 def test_it_receives_neither_goal_nor_path_nor_world_coordinates(two_rooms, walk) -> None:

@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.frames import Array
-from ....formats.scene.bundle import LabeledObject, SceneBundle
+from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.freemap import Freemap
 from ....instruction_gen.facts.doors import DOOR, doorways
 from ....instruction_gen.facts.geometry import no_wall_between, skin_of
 from ....instruction_gen.facts.rooms import room_names
 from ....instruction_gen.language.lexicon import ROOM_PHRASES
 from ....instruction_gen.language.nouns import called, noun_of
-from ....wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
+from ....wayfinding.regions import ROOM_PREFIX, RegionMap
 
 CELL_M = 0.15
 RADIUS_M = 0.22
@@ -49,28 +48,8 @@ class World:
         centers_m: (R, C, 2) centres of the cells [m].
     """
 
-    def __init__(self, bundle: SceneBundle, level: int, regions: RegionMap | None = None):
-        """Read a level of a scene."""
-        here = [o for o in bundle.objects if o.level in (level, -1)]
-        regions = regions or region_map(bundle, level)
-        floor = bundle.level_floor_z_m[level]
-        self._read(bundle.freemap(level), regions, here, level, floor)
-
-    @classmethod
-    def of_map(cls, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]) -> Self:
-        """Read a map that was made otherwise, for example by a robot, with its floor at z = 0."""
-        world = cls.__new__(cls)
-        world._read(freemap, regions, objects, 0, 0.0)
-        return world
-
-    def _read(
-        self,
-        freemap: Freemap,
-        regions: RegionMap,
-        here: Sequence[LabeledObject],
-        level: int,
-        floor: float,
-    ) -> None:
+    def __init__(self, freemap: Freemap, regions: RegionMap, objects: Sequence[LabeledObject]):
+        """Read the map of one level, with its floor at z = 0."""
         low = np.asarray(freemap.grid.origin_xy_m)
         size = np.array([freemap.grid.columns, freemap.grid.rows]) * freemap.grid.cell_m
         columns, rows = (int(n) for n in np.ceil(size / CELL_M))
@@ -84,13 +63,13 @@ class World:
         # Walking close to things is dearer, as people keep away from them.
         self.cost = np.where(free, 1.0 + np.clip(0.6 - clear, 0.0, 0.4), -1.0)
         self.region = regions.at(self.centers_m)
-        self.rooms = room_names(regions, here)
+        self.rooms = room_names(regions, objects)
         self.things = [
             _thing(noun_of(o.category), o, regions)
-            for o in here
+            for o in objects
             if not o.category.startswith(ROOM_PREFIX) and noun_of(o.category) not in ("", "door")
         ]
-        self.things += [_thing(DOOR, d, regions) for d in doorways(regions, level, floor)]
+        self.things += [_thing(DOOR, d, regions) for d in doorways(regions, 0, 0.0)]
         self._regions = regions
         self._gaps: dict[int, Array] = {}
 

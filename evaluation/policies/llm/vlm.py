@@ -56,10 +56,10 @@ class VlmPolicy:
         """See `Policy.act`."""
         self._frames.append(_data_url(observation.rgb))
         if not self._waiting:
-            self._waiting.extend(self._asked())
+            self._waiting.extend(self._next_actions())
         return self._waiting.popleft()
 
-    def _asked(self) -> Sequence[Action]:
+    def _next_actions(self) -> Sequence[Action]:
         chosen = [self._frames[k] for k in evenly(len(self._frames), HISTORY)]
         images: list[dict[str, Any]] = [
             {"type": "image_url", "image_url": {"url": url}} for url in chosen

@@ -41,9 +41,7 @@ class MapPolicy:
     wants_lens = True
 
     def __init__(
-        self,
-        labeller: Labeller | None = None,
-        read: Callable[[str], Sequence[SubGoal]] = goals_of,
+        self, labeller: Labeller | None = None, read: Callable[[str], Sequence[SubGoal]] = goals_of
     ) -> None:
         """Get ready.
 

@@ -34,7 +34,7 @@ def seen_world(seen: SeenMap) -> SeenWorld:
     window = seen.window()
     objects = seen.objects()
     regions = _named(split_rooms(seen.open_floor()[window], objects, seen.cut(window)))
-    return SeenWorld.of_map(seen.freemap(window), regions, objects)
+    return SeenWorld(seen.freemap(window), regions, objects)
 
 
 def _named(regions: RegionMap) -> RegionMap:

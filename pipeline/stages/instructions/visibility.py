@@ -18,12 +18,7 @@ from ....formats.core.episode import Episode
 from ....formats.core.frames import quat_to_matrix, yaw_to_quat
 from ....formats.core.geometry import path_length, point_along, resample, triangle_areas
 from ....formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
-from ....formats.scene.visibility import (
-    Glimpse,
-    PathSight,
-    SightCamera,
-    visibility_writer,
-)
+from ....formats.scene.visibility import Glimpse, PathSight, SightCamera, visibility_writer
 from ....formats.vlnce.files import read_episodes
 from ....rendering.frame import Frame
 from ....rendering.registry import make_renderer

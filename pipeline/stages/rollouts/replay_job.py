@@ -110,10 +110,7 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
     """Return how discrete actions were executed; empty for controllers without any."""
     if config.controller != "speed":
         return {}
-    return {
-        "steps": config.speed.steps_per_action,
-        "closed_loop": config.speed.end_on_displacement,
-    }
+    return {"steps": config.speed.steps_per_action, "closed_loop": config.speed.end_on_displacement}
 
 
 def open_level(scene: Path, episode: Episode, walker: Walker, models: Path) -> World:
