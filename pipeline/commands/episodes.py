@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -26,6 +27,7 @@ from ..options.episodes import Align, Filter, Sample
 from ..options.shared import settings_of
 from ..stages.episodes import align_items as align
 from ..stages.episodes import sample_items as episodes
+from ..stages.episodes.jobs import bad_episodes
 from ..stages.scenes import items as repair
 from ..summary import print_result
 
@@ -61,16 +63,13 @@ def run_align(options: Align) -> int:
         paths, written = episodes.merge(part_files, _file_of(out, len(files) > 1))
     if not paths and len(files) == 1:
         write_episodes(out, [])
-    bad = [[name, why] for f in files for _, name, why in _bad(f)]
+    bad = [[name, why] for f in files for _, name, why in bad_episodes(read_vlnce(f))]
     rejected = [
         [row.item.removeprefix("episode "), row.error["reason"]]
         for row in summary.rows
         if row.status == "quarantined"
     ]
-    changed: dict[str, int] = {}
-    for row in summary.good().values():
-        for kind, count in row.facts["changed"].items():
-            changed[kind] = changed.get(kind, 0) + count
+    changed = _totals(summary, "changed")
     count = instruction_count(paths)
     if not options.json:
         sys.stdout.writelines(f"unusable {name}: {reason}\n" for name, reason in bad)
@@ -155,10 +154,7 @@ def run_sample(options: Sample) -> int:
         paths, written = episodes.merge(part_files, _file_of(out, plan is not None))
     pictures = _pictures(options.pictures, folders, paths)
     by_split = {s: sum(p.split == s for p in paths) for s in written}
-    dropped: dict[str, int] = {}
-    for row in summary.good().values():
-        for reason, count in row.facts["dropped"].items():
-            dropped[reason] = dropped.get(reason, 0) + count
+    dropped = _totals(summary, "dropped")
     per_split = ", ".join(f"{count} {split}" for split, count in by_split.items())
     text = f"{out}: {len(paths)} paths in {len(part_files)} scene{'s' * (len(part_files) > 1)}"
     text += f" ({per_split})" if plan else ""
@@ -237,8 +233,12 @@ def _parts(context: Context, names: Sequence[str]) -> dict[str, Path]:
     return {name: folder / f"{name}.json.gz" for name in names}
 
 
-def _bad(path: Path) -> list[tuple[int, str, str]]:
-    return [(bad.index, bad.name, bad.reason) for bad in read_vlnce(path).bad]
+def _totals(summary: StageSummary, fact: str) -> dict[str, int]:
+    """Return the sums of a fact that counts by name, over all items."""
+    totals: Counter[str] = Counter()
+    for row in summary.good().values():
+        totals.update(row.facts[fact])
+    return dict(totals)
 
 
 def _raise_if_nothing(summary: StageSummary) -> None:

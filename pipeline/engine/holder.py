@@ -36,7 +36,9 @@ class Holder:
     @staticmethod
     def this() -> "Holder":
         """Return a new holder for this process."""
-        return Holder(platform.node(), _boot(), os.getpid(), _started(os.getpid()), _token())
+        return Holder(
+            platform.node(), _boot(), os.getpid(), _started(os.getpid()), uuid.uuid4().hex
+        )
 
     @staticmethod
     def read(path: Path) -> "Holder | None":
@@ -103,10 +105,6 @@ def renew(
 
     threading.Thread(target=work, daemon=True).start()
     return ended
-
-
-def _token() -> str:
-    return uuid.uuid4().hex
 
 
 def _boot() -> str:

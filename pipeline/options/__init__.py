@@ -8,6 +8,7 @@ import contextlib
 from collections.abc import Sequence
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from ...formats.core.errors import InputError, did_you_mean
 
@@ -33,7 +34,8 @@ def check_given(episodes: Sequence[Path]) -> None:
         raise InputError("no episode file; valid: one or more VLN-CE files (.json or .json.gz)")
 
 
-def check_limit(limit: int | None) -> None:
-    """Raise InputError if a number of episodes is below 1."""
-    if limit is not None and limit < 1:
-        raise InputError(f"--limit {limit}; valid: 1 or more")
+def check_numbers(options: Any, least: int, *names: str) -> None:
+    """Raise InputError if one of some options is given and below the least valid number."""
+    for name in names:
+        if (value := getattr(options, name)) is not None and value < least:
+            raise InputError(f"--{name.replace('_', '-')} {value}; valid: {least} or more")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import tyro
 
-from . import check_limit
+from . import check_numbers
 from .running import Running
 
 
@@ -37,4 +37,4 @@ class Benchmark(Running):
 
     def check(self) -> None:
         """Raise InputError if `limit` is below 1."""
-        check_limit(self.limit)
+        check_numbers(self, 1, "limit")

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from ...formats.core.errors import InputError
-from . import check_limit, must_exist
+from . import check_numbers, must_exist
 from .running import Running
 from .shared import DiscreteActions, Mounting, Printing
 
@@ -72,7 +72,7 @@ class Evaluate(DiscreteActions, Mounting, Running):
     def check(self) -> None:
         """Raise InputError if a file or folder is missing, or `limit` is below 1."""
         must_exist(self.episodes, self.scenes)
-        check_limit(self.limit)
+        check_numbers(self, 1, "limit")
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from typing import Annotated
 import tyro
 
 from ...datasets.mixture.shipped import SHIPPED
+from ...formats.core.errors import InputError
+from . import check_numbers
 from .shared import Parallel, Printing
 
 RECIPE = tyro.conf.arg(
@@ -98,6 +100,15 @@ class Train(Printing):
     threads: int = 0
     """Number of torch threads; 0 uses one per core."""
 
+    def check(self) -> None:
+        """Raise InputError if a number is negative, or the run that is walked is not named."""
+        check_numbers(self, 0, "validate", "augment", "dagger", "dagger_episodes", "threads")
+        if (self.validate or self.augment or self.dagger) and self.run is None:
+            raise InputError(
+                "--validate, --augment and --dagger need the scenes and episodes of a run; name it "
+                "with --run FOLDER"
+            )
+
 
 @dataclass(frozen=True)
 class Ablate(Parallel):
@@ -139,3 +150,8 @@ class Ablate(Parallel):
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
     """Number of torch threads in training; 0 uses one per core."""
+
+    def check(self) -> None:
+        """Raise InputError if a number is too small."""
+        check_numbers(self, 1, "seeds", "steps", "walks")
+        check_numbers(self, 0, "threads")

@@ -1,7 +1,6 @@
 """`vlnpe ablate`: train a policy on each mixture of a recipe, let it walk, and compare."""
 
 from ....formats.core.atomic import file_digest, sweep
-from ....formats.core.errors import InputError
 from ...engine.lock import lock
 from ...options.training import Ablate
 from ...summary import print_result
@@ -11,9 +10,6 @@ from .threads import start_torch
 
 def run(options: Ablate) -> int:
     """Run the ablation and write its report after every cell."""
-    for name in ("seeds", "steps", "walks"):
-        if (value := getattr(options, name)) is not None and value < 1:
-            raise InputError(f"--{name} {value}; valid: 1 or more")
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path

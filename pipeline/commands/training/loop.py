@@ -31,7 +31,6 @@ from ...inputs.episode_file import episodes_of
 from ...inputs.views import chosen_views
 from ...options.training import Train
 from .augment import MADE_BY, check_made_by, more_episodes, walker
-from .missing import run_of
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +44,7 @@ class _Walks:
 
     def round(self, card: Card, count: int, held_out: frozenset[str] = frozenset()) -> Round:
         """Return up to `count` episodes, evenly spread, none of a trajectory that is held out."""
-        episodes, scenes = episodes_of(run_of(self.options), None, self.split)
+        episodes, scenes = episodes_of(_run_of(self.options), None, self.split)
         episodes = [e for e in episodes if f"{e.scene_id}/{e.trajectory_id}" not in held_out]
         return _round(self.options, card.view, card.lights, spread(episodes, count), scenes)
 
@@ -60,6 +59,11 @@ def _round(
     (view,) = chosen_views(seen.camera("ego"), light, "auto", robot, CameraOverrides())
     config = ReplayConfig(robot=options.robot, controller=options.controller)
     return Round(episodes, scenes, view, closed_loop(config))
+
+
+def _run_of(options: Train) -> Path:
+    assert options.run is not None  # as `Train.check` demands
+    return options.run
 
 
 def validation(options: Train) -> Validation | None:
@@ -89,7 +93,7 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
         Files of the walks, in <out>/augmented; those that are there already are not made again.
     """
     folder = options.out / "augmented"
-    episodes, scenes = more_episodes(options, run_of(options), planned, seed, folder)
+    episodes, scenes = more_episodes(options, _run_of(options), planned, seed, folder)
     walks = _round(options, planned.view, planned.every("light"), tuple(episodes), scenes)
     size_px, far_m = planned.config.size_px, planned.view.depth_far_m
 

@@ -10,10 +10,8 @@ from pathlib import Path
 from ....datasets.mixture.choice import NoEpisodesError
 from ....datasets.mixture.recipe import EVERYTHING, OWN_VIEW, Source
 from ....formats.core.checkout import program
-from ....formats.core.errors import InputError
 from ...engine.ledger import MANIFEST_NAME, Ledger
 from ...options.collect import Collect
-from ...options.training import Train
 
 COLLECT = "collect"
 NEW_RUN = "apartment-0"  # of the built-in scene
@@ -86,13 +84,3 @@ def _paths(ledger: Ledger) -> dict[str, int]:
     for row in ledger.done("replay"):
         by_scene.setdefault(row.facts.get("scene", ""), set()).add(row.item.rpartition("/")[2])
     return {scene: len(paths) for scene, paths in by_scene.items()}
-
-
-def run_of(options: Train) -> Path:
-    """Return the run folder whose episodes are walked."""
-    if options.run is None:
-        raise InputError(
-            "--validate, --augment and --dagger need the scenes and episodes of a run; name it "
-            "with --run FOLDER"
-        )
-    return options.run

@@ -2,14 +2,12 @@
 
 import os
 
-from ....formats.core.errors import InputError, MissingExtraError
+from ....formats.core.errors import MissingExtraError
 from ....formats.core.threads import available_cores
 
 
 def start_torch(threads: int) -> None:
     """Import torch and limit it to `threads` threads; 0 takes one per core."""
-    if threads < 0:
-        raise InputError(f"--threads {threads}: valid: 0 (one per core) and above")
     count = threads or available_cores()
     # Torch reads it once, when it is imported.
     os.environ.setdefault("OMP_NUM_THREADS", str(count))

@@ -8,7 +8,7 @@ from ....formats.core.checkout import program
 from ....formats.core.errors import InputError
 from ...options.training import Train
 from ...summary import print_result
-from .missing import commands_for_missing, run_of
+from .missing import commands_for_missing
 from .threads import start_torch
 
 RDP = "rdp"
@@ -20,12 +20,6 @@ _NO_WALKS = (
 
 def run(options: Train) -> int:
     """Train, and print where the checkpoint is and how to evaluate it."""
-    for name in ("validate", "augment", "dagger", "dagger_episodes"):
-        if getattr(options, name) < 0:
-            flag = "--" + name.replace("_", "-")
-            raise InputError(f"{flag} {getattr(options, name)}; valid: 0 or more")
-    if options.validate or options.augment or options.dagger:
-        run_of(options)
     start_torch(options.threads)
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path
