@@ -18,7 +18,7 @@ from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.context import open_context, run_single
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.execution.runner import Context, StageSummary, run_stage
 from vlnpe.pipeline.options.running import Running
 from vlnpe.pipeline.stages.datasets.export_job import UnitJob

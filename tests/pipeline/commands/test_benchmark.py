@@ -12,7 +12,7 @@ from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.inputs.benchmark_sets import SETS, episodes_digest, paths_digest
 from vlnpe.pipeline.inputs.builtin import parse_builtin
 from vlnpe.trajectory_sampler.presets import choose_seen, plan_quotas

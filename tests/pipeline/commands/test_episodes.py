@@ -25,7 +25,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.stages.rollouts.replay_items import item_names
 
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")

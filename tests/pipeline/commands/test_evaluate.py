@@ -24,7 +24,7 @@ from vlnpe.evaluation.results import COLUMNS
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 
 
 @pytest.fixture(scope="module")

@@ -25,7 +25,7 @@ from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.commands.review import opened
 from vlnpe.pipeline.engine.run_folder import RunFolder
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.options.instructions import Review
 from vlnpe.pipeline.provenance import episode_facts, provenance
 from vlnpe.pipeline.stages.episodes.align_items import part_name

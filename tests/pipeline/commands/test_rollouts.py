@@ -12,7 +12,7 @@ from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import Ledger
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 
 
 @pytest.fixture

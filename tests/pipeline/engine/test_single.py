@@ -10,7 +10,7 @@ from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.context import LEDGERS, open_single, run_single
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
-from vlnpe.pipeline.execution import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 
 
 @dataclass(frozen=True)
