@@ -60,7 +60,7 @@ def measure(
         if row.varies or seed == ablation.seeds[0]
     ]
     for number, (name, seed) in enumerate(cells, start=1):
-        _say(f"[{number}/{len(cells)}] {name}, seed {seed}")
+        sys.stderr.write(f"[{number}/{len(cells)}] {name}, seed {seed}\n")
         policy, checkpoint = rows[name].policy, None
         label = f"{policy}-s{seed}"
         if name in ablation.trainings:
@@ -135,7 +135,3 @@ def _rounded(value: float) -> float | None:
 
 def _slug(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "-", text).strip("-")
-
-
-def _say(text: str) -> None:
-    sys.stderr.write(f"{text}\n")

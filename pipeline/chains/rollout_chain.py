@@ -99,6 +99,7 @@ def collect(
     walker = _walker(run, crew)
     label = replay.label_of(run.context.ledger, walker.config)
     walks = _walks(run, episodes, scenes, walker, label)
+    ledger = run.context.ledger
     rollouts: dict[str, Row] | None = None
     for view in views:
         dataset = export.Dataset.under(folder.root, robot.name, label, view.name)
@@ -127,12 +128,14 @@ def collect(
             rollouts = run.stage(replay.STAGE, walks, f"{robot.name}/{label}/").good()
             run.context.ledger.record_new(folder.models)
         frames = run.stage(render.STAGE, renders(rollouts), dataset.scope).good()
+        # All models count their requests in one file.
+        model_rows = [*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)]
         summaries = export.run(
             run.context,
             exports(export.rows_to_export(frames, product.only_success)),
             folder.scenes,
             dataset,
-            {"options": dict(facts), "language_model": _model_usage(run.context.ledger)},
+            {"options": dict(facts), "language_model": sight.model_usage(model_rows)},
             product.language,
         )
         run.summaries.extend(summaries)
@@ -179,12 +182,6 @@ def _renders(
         product.rgb_codec,
         product.extras,
     )
-
-
-def _model_usage(ledger: Ledger) -> dict[str, Any]:
-    """Return requests, tokens and cost of the language model; empty without one."""
-    # All models count their requests in one file.
-    return sight.model_usage([*ledger.rows(sight.NAME_STAGE), *ledger.rows(instruct.STAGE)])
 
 
 def _walker(run: Run, crew: Crew) -> Walker:

@@ -16,9 +16,9 @@ from tqdm import tqdm
 from ...formats.core.atomic import TEMPORARY_PREFIX
 from ..engine.work import WorkItem
 
-WRITTEN_S = 1.0  # how often a worker writes the file
-LOOKED_S = 1.0  # how often the files are read
-MOST = 100  # items that are looked after; a bar of more advances often enough by itself
+WRITE_EVERY_S = 1.0  # how often a worker writes the file
+READ_EVERY_S = 1.0  # how often the files are read
+MOST_ITEMS = 100  # items that are looked after; a bar of more advances often enough by itself
 
 
 @contextmanager
@@ -29,7 +29,7 @@ def telling(out: Path) -> Iterator[Callable[[float], None]]:
     def tell(part: float) -> None:
         nonlocal written_s
         now_s = time.monotonic()
-        if now_s - written_s >= WRITTEN_S:
+        if now_s - written_s >= WRITE_EVERY_S:
             written_s = now_s
             path.write_text(f"{part:.3f}")
 
@@ -72,7 +72,7 @@ class Watch:
             self._bar.n = self._now()
             self._bar.update(0)
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Advance by what the items tell; not back where one has ended and tells no more."""
         with self._lock:
             self._parts = {name: part_done(out) for name, out in self._open.items()}
@@ -89,19 +89,19 @@ class Watch:
 @contextmanager
 def watched(bar: tqdm, items: Sequence[WorkItem]) -> Iterator[Watch]:
     """Look after items until the block ends, in a thread where there is a bar to see."""
-    looked_after = items if len(items) <= MOST and not bar.disable else ()
-    watch, ended = Watch(bar, looked_after), threading.Event()
+    unfinished = items if len(items) <= MOST_ITEMS and not bar.disable else ()
+    watch, ended = Watch(bar, unfinished), threading.Event()
 
-    def look_again() -> None:
-        while not ended.wait(LOOKED_S):
-            watch.look()
+    def refresh_again() -> None:
+        while not ended.wait(READ_EVERY_S):
+            watch.refresh()
 
-    thread = threading.Thread(target=look_again, daemon=True)
-    if looked_after:
+    thread = threading.Thread(target=refresh_again, daemon=True)
+    if unfinished:
         thread.start()
     try:
         yield watch
     finally:
         ended.set()
-        if looked_after:
+        if unfinished:
             thread.join()

@@ -1,16 +1,21 @@
 """Figures of the dataset: they show what the episodes hold, as well-formed SVG."""
 
 import base64
+import json
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 from matplotlib.patches import Rectangle, StepPatch
+from PIL import Image
 
 from tests.formats.vlnce.test_groups import R2R, episode
+from tests.support.episodes import episode_along
 from vlnpe.formats.vlnce.groups import group_by_path
 from vlnpe.pipeline.report.dataset import dataset_plots, dataset_rows
+from vlnpe.pipeline.report.maps import ScenePaths, Track, map_figure
 from vlnpe.pipeline.report.plots import bars, step_histogram, svg_uri
 
 PATHS = [
@@ -69,3 +74,24 @@ def test_bars_have_the_height_of_their_values():
 def test_without_data_a_figure_says_so():
     for empty in (step_histogram({}, "m", "paths"), bars({}, "share")):
         assert "no data" in texts(svg_uri(empty))
+
+
+@pytest.mark.parametrize("robots", [["h1"], ["aliengo", "h1"]])
+def test_the_map_tells_paths_or_robots_apart_and_no_marker_covers_another(tmp_path, robots):
+    Image.new("RGB", (200, 200)).save(tmp_path / "map.png")
+    place = {"left_m": -5.0, "top_m": 5.0, "px_per_m": 20.0, "width": 200, "height": 200}
+    (tmp_path / "map.json").write_text(json.dumps(place))
+    # All paths have one start and one goal.
+    episodes = {f"p{k}@0": episode_along([(0, 0), (3, 1)], f"p{k}", scene="home") for k in range(4)}
+    tracks = tuple(
+        Track(path, e, "home", robot, e.reference_path_world_m[:, :2], "success")
+        for robot in robots
+        for path, e in episodes.items()
+    )
+    figure = map_figure("home/0", tmp_path / "map.png", ScenePaths(episodes, tracks))
+    walked = [line["color"] for line in figure["lines"] if "robot" in line]
+    assert len(set(walked)) == (2 if len(robots) > 1 else len(episodes))
+    dots = figure["dots"]
+    assert len(dots) == 2 * len(episodes) and all(dot["label"] for dot in dots)
+    for a, b in combinations(dots, 2):
+        assert np.hypot(a["x"] - b["x"], a["y"] - b["y"]) > a["r"] + b["r"]

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ....wayfinding.regions import RegionMap, split_rooms
+from ....wayfinding.regions import split_rooms
 from ..follower.world import World
 from .seen_map import SeenMap
 
@@ -33,9 +33,6 @@ def seen_world(seen: SeenMap) -> SeenWorld:
     """Return the world of a map."""
     window = seen.window()
     objects = seen.objects()
-    regions = _named(split_rooms(seen.open_floor()[window], objects, seen.cut(window)))
+    regions = split_rooms(seen.open_floor()[window], objects, seen.cut(window))
+    regions = replace(regions, names=tuple(name or _PASSAGE for name in regions.names))
     return SeenWorld(seen.freemap(window), regions, objects)
-
-
-def _named(regions: RegionMap) -> RegionMap:
-    return replace(regions, names=tuple(name or _PASSAGE for name in regions.names))

@@ -17,7 +17,7 @@ def test_a_bar_advances_while_its_items_are_being_done(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(progress, "SHORT_S", 0.0)
-    monkeypatch.setattr(parts, "LOOKED_S", 0.01)
+    monkeypatch.setattr(parts, "READ_EVERY_S", 0.01)
     paths = [tmp_path / "first.mp4", tmp_path / "second.mp4"]
     items = [
         WorkItem(path.stem, "k", (path,), work.Call(work.tell, (path, part, 1.0)))
@@ -39,14 +39,14 @@ def test_what_is_told_goes_with_the_worker_and_never_leads_a_bar_back(tmp_path: 
         with parts.telling(out) as tell:
             tell(0.4)
             tell(0.9)  # within the same second
-            looked.look()
+            looked.refresh()
             assert bar.n == 0.4
             sweep_beside([out])  # as after a worker that was killed
             assert list(tmp_path.iterdir()) == []
-            looked.look()
+            looked.refresh()
             assert bar.n == 0.4
         looked.count(item, "")
-        looked.look()
+        looked.refresh()
         assert bar.n == 1
 
 
