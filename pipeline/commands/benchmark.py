@@ -3,7 +3,6 @@
 import contextlib
 import io
 import platform
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from ..chains.evaluation import evaluate_policy
 from ..context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
-from ..inputs.crews import chosen_robots
+from ..inputs.crews import chosen_robots, listed_names
 from ..options.benchmark import Benchmark
 from ..options.collect import Collect
 from ..options.evaluate import Evaluate
@@ -83,7 +82,8 @@ def run(options: Benchmark) -> int:
 
 
 def _cells(options: Benchmark) -> list[Cell]:
-    policies, controllers = _names(options.policy), _names(options.controller)
+    policies = listed_names("--policy", options.policy)
+    controllers = listed_names("--controller", options.controller)
     for policy in policies:
         resolve_policy(policy)
     discrete = [name for name, entry in CONTROLLERS.items() if entry.discrete]
@@ -131,7 +131,11 @@ def _splits(
         for episode in read_episodes(file):
             by_split.setdefault(episode.split, []).append(episode)
     split_names = (
-        _names(options.split) if options.split else published.test_splits if published else by_split
+        listed_names("--split", options.split, by_split)
+        if options.split
+        else published.test_splits
+        if published
+        else by_split
     )
     for split in split_names:
         check_name("split", split, by_split)
@@ -219,10 +223,3 @@ def _page(value: dict[str, Any]) -> str:
         row = [cell["controller"], cell["robot"], Path(cell["policy"]).stem, count, *shown]
         lines.append(f"| {' | '.join(row)} |")
     return "\n".join(lines) + "\n"
-
-
-def _names(text: str) -> Sequence[str]:
-    names = [name.strip() for name in text.split(",")]
-    if not all(names):
-        raise InputError(f"{text!r}: contains an empty name; valid: a name, or a,b,c")
-    return list(dict.fromkeys(names))

@@ -38,7 +38,7 @@ class LockedError(InputError):
 
 @contextlib.contextmanager
 def lock(folder: Path, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of a folder."""
+    """Hold the lock of a folder; raise LockedError if another process does, or `wait` for it."""
     path = folder / LOCK_NAME
     tries = 0
     while (held := _try(path)) is None:

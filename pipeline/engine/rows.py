@@ -62,13 +62,8 @@ class StageSummary:
 
     def counts(self) -> dict[str, int | float]:
         """Return plain numbers for tables and `--json`."""
-        return {
-            "done": self.done,
-            "reused": self.reused,
-            "failed": self.failed,
-            "quarantined": self.quarantined,
-            "seconds": round(self.seconds, 2),
-        }
+        counts = {name: getattr(self, name) for name in ("done", "reused", "failed", "quarantined")}
+        return counts | {"seconds": round(self.seconds, 2)}
 
     def joined(self, other: "StageSummary") -> "StageSummary":
         """Return both runs of one stage (for two robots, …) as one."""

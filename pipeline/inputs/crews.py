@@ -30,7 +30,7 @@ def chosen_robots(text: str) -> list[RobotSpec]:
     from ...collectors.locomotion.runtime.drives import gait_for
 
     bodies = [name for name, robot in ROBOTS.items() if robot.joints]
-    robots = [get_robot(name) for name in _names("--robot", text, bodies)]
+    robots = [get_robot(name) for name in listed_names("--robot", text, bodies)]
     for robot in robots:
         gait_for(robot)  # says at once when its policy is missing, broken or another robot's
     by_name = {robot.name: robot for robot in robots}
@@ -55,7 +55,7 @@ def crews(robots: Iterable[RobotSpec], text: str) -> list[Crew]:
     `text` is a name, names with commas, `all`, or `auto`: path, and flash for what has no joints
     and therefore cannot be driven, only placed.
     """
-    names = [] if text == AUTO else _names("--controller", text, CONTROLLERS)
+    names = [] if text == AUTO else listed_names("--controller", text, CONTROLLERS)
     for name in names:
         if name == AUTO:
             raise InputError(f"--controller {text}: {AUTO} stands alone")
@@ -102,7 +102,7 @@ def action_timing(steps: int, closed_loop: bool) -> SpeedConfig:
     )
 
 
-def _names(option: str, text: str, everything: Iterable[str]) -> list[str]:
+def listed_names(option: str, text: str, everything: Iterable[str] = (ALL,)) -> list[str]:
     """Return the comma-separated names in `text`, each once, with `all` expanded."""
     given = [part.strip() for part in text.split(",")]
     if not all(given):

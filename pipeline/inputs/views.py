@@ -1,22 +1,20 @@
 """Views that a user names on the command line."""
 
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError, UnknownNameError
+from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...rendering.camera.views import CameraOverrides, View, parse_views
 from ...rendering.light.lights import LIGHTS
 from ...rendering.registry import AUTO, chosen_renderer
-
-ALL = "all"
+from .crews import ALL, listed_names
 
 
 def chosen_lights(text: str) -> list[str]:
     """Return the light names of `DL5000,CL` or `all`, each once."""
-    names = sorted(LIGHTS) if text == ALL else [part.strip() for part in text.split(",")]
+    names = listed_names("--light", text, sorted(LIGHTS))
     for name in names:
-        if name not in LIGHTS:
-            raise UnknownNameError("light", name, [*LIGHTS, ALL])
-    return list(dict.fromkeys(names))
+        check_name("light", name, (*LIGHTS, ALL))
+    return names
 
 
 def chosen_views(

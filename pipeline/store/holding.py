@@ -24,7 +24,7 @@ POLL_S = 5.0
 
 @contextlib.contextmanager
 def hold(store: ObjectFolder, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of a run folder."""
+    """Hold the lock of a run folder; raise LockedError, or `wait`, if another process does."""
     holder = Holder.this()
     # The count changes the lock's content, which is how another process sees that it is renewed.
     contents = (holder.line() + b"\n%d" % count for count in itertools.count())
