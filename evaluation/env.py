@@ -172,7 +172,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             raise InputError(f"episode {self.episode.episode_id} cannot be started: {reason}")
         self._start = Start.of(self.world)
         self._distance_m = self._to_goal_m()
-        return self._shown(self._last), self._info()
+        return self._observation_dict(self._last), self._info()
 
     def step(self, action: Any) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Take an action; see `gymnasium.Env.step`.
@@ -188,7 +188,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         reward = before_m - self._distance_m
         if seen is not None:
             self._last = seen
-            return self._shown(seen), reward, False, False, self._info()
+            return self._observation_dict(seen), reward, False, False, self._info()
         rollout = self.rollout = self._walk.rollout
         assert rollout is not None
         reward += SUCCESS_REWARD * rollout.metrics.success
@@ -209,7 +209,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             "events": [asdict(event) for event in rollout.events],
             "metrics": asdict(rollout.metrics),
         }
-        return self._shown(last), reward, not truncated, truncated, info
+        return self._observation_dict(last), reward, not truncated, truncated, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Return what the camera sees now, (H, W, 3) uint8; None without images."""
@@ -255,7 +255,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             "position_world_m": self.world.base[:3].copy(),
         }
 
-    def _shown(self, observation: Observation) -> dict[str, Any]:
+    def _observation_dict(self, observation: Observation) -> dict[str, Any]:
         shown = observation.to_dict()
         if self._tokens is not None:
             shown["tokens"] = self._tokens[observation.instruction].copy()

@@ -67,7 +67,7 @@ class PolicyChooser:
             instruction=self.assignment.instruction,
             pose=self._start.pose_of(self.world),
             proprioception=proprioception(self.world),
-            previous_action=self._shown(self._previous),
+            previous_action=self._action_array(self._previous),
             step=self._count,
             lens=lens,
             labels=labels,
@@ -98,7 +98,7 @@ class PolicyChooser:
     def _remember(self, chosen: Action | Motion | None) -> None:
         self._previous, self._count = chosen, self._count + 1
 
-    def _shown(self, chosen: Action | Motion | None) -> int | np.ndarray:
+    def _action_array(self, chosen: Action | Motion | None) -> int | np.ndarray:
         """Return an action as observations show it."""
         if isinstance(chosen, Action):
             return int(chosen)

@@ -28,7 +28,7 @@ def run_push(options: Push, hub: Hub = None) -> int:
 
 def _push(options: Push, release: Release, hub: Hub) -> int:
     if not options.json:
-        sys.stdout.write(_shown(release, options.licence_ok))
+        sys.stdout.write(_description(release, options.licence_ok))
     if not options.licence_ok:
         demand_licence(release)
     done = upload(release, hub) if options.yes else None
@@ -44,7 +44,7 @@ def _push(options: Push, release: Release, hub: Hub) -> int:
     return 0
 
 
-def _shown(release: Release, licence_ok: bool) -> str:
+def _description(release: Release, licence_ok: bool) -> str:
     total = sum(release.files.values())
     card = (release.root / CARD).read_text().split("---")[1].strip()
     lines = [

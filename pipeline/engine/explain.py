@@ -57,11 +57,13 @@ def changes(
     for name in sorted({*before, *now}):
         old, new = before.get(name), now.get(name)
         if new is None or old is None:
-            lines.append(f"{_shown(name)} is {'new' if old is None else 'no longer part of it'}")
+            lines.append(
+                f"{_part_label(name)} is {'new' if old is None else 'no longer part of it'}"
+            )
         elif old != new.digest and new.digest in items:
             lines.append(f"{items[new.digest]} was made again")
         elif old != new.digest:
-            lines += _differences(_shown(name), values.get(old, {}), new.values)
+            lines += _differences(_part_label(name), values.get(old, {}), new.values)
     return lines
 
 
@@ -77,7 +79,7 @@ def _differences(name: str, old: Mapping[str, str], new: Mapping[str, str]) -> l
     return lines or [f"{name} changed"]
 
 
-def _shown(name: str) -> str:
+def _part_label(name: str) -> str:
     """Return how a part is called; inputs without a name are called by type and place."""
     kind, _, place = name.rpartition(" ")
     if not kind:

@@ -13,7 +13,7 @@ from urllib.parse import quote
 
 from ...formats.core.errors import InputError
 
-_SEEN = ".seen.json"
+_SEEN_SUFFIX = ".seen.json"
 MINIMUM_FREE_BYTES = 256 * 1024**2
 
 
@@ -70,22 +70,22 @@ class SightFiles:
 
     def seen(self, share: str) -> Path:
         """Return what the robot's camera sees along the paths of a scene, or a split of it."""
-        return self.folder / f"{share}{_SEEN}"
+        return self.folder / f"{share}{_SEEN_SUFFIX}"
 
     def named(self, scene: str) -> Path:
         """Return what a vision-language model names in a scene without labels."""
-        return self.folder / f"{scene}{_named()}"
+        return self.folder / f"{scene}{_named_suffix()}"
 
     def all_seen(self) -> list[Path]:
         """Return every record of what is seen that is there."""
-        return sorted(self.folder.glob(f"*{_SEEN}"))
+        return sorted(self.folder.glob(f"*{_SEEN_SUFFIX}"))
 
     def all_named(self) -> list[Path]:
         """Return every record of what is named that is there."""
-        return sorted(self.folder.glob(f"*{_named()}"))
+        return sorted(self.folder.glob(f"*{_named_suffix()}"))
 
 
-def _named() -> str:
+def _named_suffix() -> str:
     # Only now, because it imports numerical libraries, which `--help` must not wait for.
     from ...instruction_gen.facts.named import SUFFIX
 

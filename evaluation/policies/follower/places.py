@@ -41,8 +41,8 @@ def stop_cost(goal: SubGoal, ways: Ways, world: World) -> Array:
         return free
     if noun.kind == "object":
         cost = free + _NEVER
-        for k in _meant(noun, ways, world):
-            gap, bearing = _seen(k, ways, world)
+        for k in _candidates(noun, ways, world):
+            gap, bearing = _gap_and_bearing(k, ways, world)
             off = np.linalg.norm(ways.points_m - world.things[k].middle_m, axis=1)
             own = 0.3 * gap + 0.2 * off + np.where(np.abs(bearing) > np.deg2rad(140), 0.3, 0.0)
             near = gap <= (_BESIDE_M if noun.prep == "past" else _STOP_M)
@@ -62,7 +62,7 @@ def _flat(grid: Array, ways: Ways) -> Array:
     return grid[tuple(ways.cells.T)]
 
 
-def _seen(k: int, ways: Ways, world: World) -> tuple[Array, Array]:
+def _gap_and_bearing(k: int, ways: Ways, world: World) -> tuple[Array, Array]:
     """Return the distance (N,) [m] and bearing (N,) [rad] of a thing."""
     thing = world.things[k]
     return _flat(world.gap_m(k), ways), ways.bearing_rad(thing.low_m, thing.high_m)
@@ -75,7 +75,7 @@ def _sided(bearing: Array, side: str) -> NDArray[np.bool_]:
     return (angle > _SIDE_RAD) & (angle < np.pi - _SIDE_RAD)
 
 
-def _meant(noun: Place, ways: Ways, world: World) -> list[int]:
+def _candidates(noun: Place, ways: Ways, world: World) -> list[int]:
     """Return the things a phrase may mean.
 
     An ordinal counts along the way, in all or in one room.
@@ -97,8 +97,8 @@ def _first_m(k: int, ways: Ways, world: World) -> float:
 
 def _thing(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
     cost = np.full(len(ways.points_m), _NEVER)
-    for k in _meant(noun, ways, world):
-        gap, bearing = _seen(k, ways, world)
+    for k in _candidates(noun, ways, world):
+        gap, bearing = _gap_and_bearing(k, ways, world)
         if goal.kind == "see":
             reach = _BESIDE_M if noun.side else _SEE_M
             good = (gap <= reach) & (np.abs(bearing) <= np.deg2rad(130.0))
@@ -126,7 +126,7 @@ def _room(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
 
 
 def _door(goal: SubGoal, noun: Place, ways: Ways, world: World) -> Array:
-    doors = _meant(noun, ways, world)
+    doors = _candidates(noun, ways, world)
     if not doors:
         return np.full(len(ways.points_m), _NEVER)
     gap = np.min([_flat(world.gap_m(k), ways) for k in doors], axis=0)

@@ -78,7 +78,7 @@ def more_episodes(
         if count:
             sampling = SampleConfig(count=count, robot_radius_m=robot.footprint_radius_m)
             near = [episode for episode in avoid if episode.scene_id == name]
-            episodes += _sampled(scenes / name, sampling, near, seed)
+            episodes += _sample(scenes / name, sampling, near, seed)
     texts = instruct_episodes(episodes, scenes, InstructConfig(), seed)
     for episode, reason in texts.failed.items():
         logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)
@@ -89,7 +89,7 @@ def more_episodes(
     return texts.episodes, scenes
 
 
-def _sampled(
+def _sample(
     scene: Path, config: SampleConfig, avoid: Sequence[Episode], seed: int
 ) -> list[Episode]:
     """Return new training episodes of one scene; none, with a warning, where none is found."""

@@ -100,7 +100,7 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
     def walk(_: int, world: World, eye: Eye, episode: Episode) -> Correction | None:
         return expert_walk(world, episode, walks.config, eye, size_px=size_px, depth_far_m=far_m)
 
-    files = _walked(folder, walks, "augment", walk)
+    files = _walk_files(folder, walks, "augment", walk)
     if not files:
         raise InputError(
             f"--augment: none of the expert's {len(episodes)} walks ended at its goal; valid: "
@@ -158,10 +158,10 @@ def _corrections(
             world, episode, walks.config, checkpoint, eye, expert_share=expert_share, rng=rng
         )
 
-    return _walked(folder, walks, "dagger", walk)
+    return _walk_files(folder, walks, "dagger", walk)
 
 
-def _walked(
+def _walk_files(
     folder: Path,
     walks: Round,
     label: str,

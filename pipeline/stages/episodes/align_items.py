@@ -86,11 +86,11 @@ def record_rejected(
     count = len(sources)
     for row in filtered.good().values():
         for _, name, reason in row.facts.get("bad", ()):
-            name = _named(row.facts["split"], name, count)
+            name = _episode_name(row.facts["split"], name, count)
             ledger.add(filtered.quarantined_episode(name, "FileFormatError", reason))
     for row in aligned.good().values():
         for name, reason in row.facts["rejected"]:
-            name = _named(row.facts["split"], name, count)
+            name = _episode_name(row.facts["split"], name, count)
             ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
     repaired = ", ".join(sorted(scenes)) or "none"
     for source in sources:
@@ -98,12 +98,12 @@ def record_rejected(
         for episode in file.episodes:
             if episode.scene_stem not in scenes:
                 reason = f"scene {episode.scene_id!r} is not among the repaired: {repaired}"
-                name = _named(file.split, str(episode.episode_id), count)
+                name = _episode_name(file.split, str(episode.episode_id), count)
                 ledger.add(aligned.quarantined_episode(name, "SceneError", reason))
     ledger.save()
 
 
-def _named(split: str, name: str, files: int) -> str:
+def _episode_name(split: str, name: str, files: int) -> str:
     return name if files == 1 else f"{split}/{name}"
 
 

@@ -53,7 +53,7 @@ class EvaluateJob:
         policy: Policy | None = None
         eye: Eye | None = None
         if self.policy.name != ORACLE:
-            policy = _made(self.policy, config.seed)
+            policy = _policy(self.policy, config.seed)
             if not policy.blind:
                 _, renderer = scene_renderer(self.scene, self.view.renderer, self.view.light)
                 eye = Eye(world, self.view, renderer)
@@ -87,6 +87,6 @@ class EvaluateJob:
 
 
 @lru_cache(maxsize=1)
-def _made(policy: PolicyChoice, seed: int) -> Policy:
+def _policy(policy: PolicyChoice, seed: int) -> Policy:
     """Return a policy; a worker keeps it, with the connection to its server."""
     return policy.make(seed)
