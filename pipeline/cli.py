@@ -66,7 +66,7 @@ def _imported(path: str) -> Any:
 
 # In the chain's order.
 _TABLE = (
-    Verb("collect", "collect.Collect", "commands.collect.run"),
+    Verb("collect", "collect.Collect", "collect.command.run"),
     Verb("scan", "scenes.Scan", "commands.scenes.run_scan"),
     Verb("repair", "scenes.Repair", "commands.scenes.run_repair"),
     Verb("align", "episodes.Align", "commands.episodes.run_align"),

@@ -17,7 +17,7 @@ from ...formats.core.atomic import file_digest, write_bytes
 from ...formats.vlnce.files import write_episodes
 from ...learning.card import read_card
 from ...learning.training.session import train_recipe, training_key
-from ..chains.evaluation import evaluate_policy
+from ..collect.evaluation import evaluate_policy
 from ..options.training import Ablate
 from .plan import Ablation, evaluation
 

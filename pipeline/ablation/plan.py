@@ -18,7 +18,7 @@ from ...formats.lerobot.splits import is_published_holdout
 from ...learning.config import train_config
 from ...learning.training.holdout import Holdout, hold_out, published_holdout, scene_of
 from ...learning.training.session import Planned, Request, plan_training
-from ..chains.evaluation import chosen_test
+from ..collect.evaluation import chosen_test
 from ..inputs.episode_file import episodes_of
 from ..options.evaluate import Evaluate
 from ..options.training import Ablate

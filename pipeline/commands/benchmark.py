@@ -16,7 +16,8 @@ from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.core.source import code_digest
 from ...formats.vlnce.files import read_episodes, write_episodes
-from ..chains.evaluation import evaluate_policy
+from ..collect import command as collect
+from ..collect.evaluation import evaluate_policy
 from ..context import open_context
 from ..engine.ledger import MANIFEST_NAME
 from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
@@ -27,7 +28,6 @@ from ..options.evaluate import Evaluate
 from ..provenance import versions
 from ..stages.evaluation.job import EvaluateJob
 from ..summary import print_result
-from . import collect
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"
 

@@ -18,7 +18,7 @@ from ...evaluation.results import (
 )
 from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.checkout import program
-from ..chains.evaluation import Evaluation, evaluate_policy
+from ..collect.evaluation import Evaluation, evaluate_policy
 from ..options.evaluate import Compare, Evaluate
 from ..report.policy_items import PAGE_NAME
 from ..summary import print_result

@@ -10,8 +10,8 @@ from vlnpe.evaluation.policies.registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
-from vlnpe.pipeline.chains.evaluation import _warn_of_other_training
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.collect.evaluation import _warn_of_other_training
 
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "evidence" / "results"
 LARGEST_BYTES = 2_000_000

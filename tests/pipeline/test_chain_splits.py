@@ -11,8 +11,8 @@ from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.records import InstructConfig
-from vlnpe.pipeline.chains import episode_chain, rollout_chain
-from vlnpe.pipeline.chains.run import Run
+from vlnpe.pipeline.collect import episode_chain, rollout_chain
+from vlnpe.pipeline.collect.run import Run
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.execution.runner import Context

@@ -11,7 +11,7 @@ import pytest
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
-from vlnpe.pipeline.chains.together import sharing
+from vlnpe.pipeline.collect.together import sharing
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.stages.datasets.mcap_job import McapJob
 from vlnpe.pipeline.stages.rollouts import handover

@@ -7,7 +7,7 @@ import pytest
 from vlnpe.apartments import BUILDINGS
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.commands.collect import Collect, _sources, run
+from vlnpe.pipeline.collect.command import Collect, _sources, run
 from vlnpe.pipeline.inputs.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.stages.scenes import items as scene_items
 

@@ -10,7 +10,7 @@ from vlnpe.collectors.controllers import CONTROLLERS, SpeedConfig
 from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import InputError
-from vlnpe.pipeline.commands.collect import _widened
+from vlnpe.pipeline.collect.command import _widened
 from vlnpe.pipeline.engine.ledger import Ledger, Row
 from vlnpe.pipeline.inputs.crews import action_timing, chosen_robots, crews
 from vlnpe.pipeline.stages.rollouts import replay_items

@@ -16,10 +16,6 @@ from ...trajectory_sampler.config import SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.vlnce.align_config import AlignConfig
 from ...trajectory_sampler.vlnce.stairs import StairRules
-from ..chains import episode_chain as episodes
-from ..chains import rollout_chain as rollouts
-from ..chains.rollout_chain import Product, collect, select_current
-from ..chains.run import Run
 from ..context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
@@ -36,6 +32,10 @@ from ..stages.episodes import align_items as align
 from ..stages.instructions import sight_items as sight
 from ..stages.scenes import items as repair
 from ..summary import print_stages, show_summary
+from . import episode_chain as episodes
+from . import rollout_chain as rollouts
+from .rollout_chain import Product, collect, select_current
+from .run import Run
 
 
 def run(options: Collect) -> int:
