@@ -95,8 +95,18 @@ def _walked_too(crew: LeftOut, options: Collect, root: Path) -> str:
     return command_line(replace(options, **who, **timing))
 
 
-def print_stages(options: Any, summaries: Sequence[StageSummary], text: str, **facts: Any) -> int:
-    """Print the table of stages above a text, or one JSON object; return the exit code."""
+def print_stages(
+    options: Any,
+    summaries: Sequence[StageSummary],
+    text: str,
+    *,
+    failed: bool = False,
+    **facts: Any,
+) -> int:
+    """Print the table of stages above a text, or one JSON object; return the exit code.
+
+    It is 1 if the command has failed or more items are quarantined than `max_failed` allows.
+    """
     quarantined = sum(summary.quarantined for summary in summaries)
     code = int(failed or quarantined > options.max_failed)
     stages = {summary.stage: summary.counts() for summary in joined(summaries)}

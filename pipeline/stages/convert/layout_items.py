@@ -22,7 +22,7 @@ from ....formats.trainers.registry import LAYOUTS
 from ....formats.trainers.subset import Subset, table
 from ....formats.trainers.walks import WalkSource
 from ...engine.ledger import Row
-from ...engine.runner import StageSummary
+from ...engine.rows import StageSummary
 from ...engine.work import WorkItem, work_item
 from .layout_job import LayoutJob
 
