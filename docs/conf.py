@@ -5,6 +5,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from docutils import nodes
+from sphinx import addnodes
 from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).parent))
@@ -28,7 +30,8 @@ napoleon_attr_annotations = False
 autodoc_member_order = "bysource"
 autodoc_default_options = {"members": True}
 
-ARRAY = re.compile(r"~?numpy\.ndarray\[tuple\[[^\]]*\], ~?numpy\.dtype\[~?(?:numpy\.)?(\w+)\]\]")
+NUMPY = r"~?(?:numpy\.)?"
+ARRAY = re.compile(rf"{NUMPY}ndarray\[tuple\[[^\]]*\], {NUMPY}dtype\[{NUMPY}(\w+)\]\]")
 
 
 def _with_options(app: Sphinx, page: str, source: list[str]) -> None:
@@ -57,7 +60,15 @@ def _with_whole_sentences(
 ) -> None:
     """Keep napoleon from taking a property's sentence up to its first colon for a type."""
     if what in ("property", "attribute"):
-        lines.insert(0, "")
+        lines.insert(0, "\\ ")  # which shows nothing
+
+
+def _with_short_types(app: Sphinx, doctree: nodes.document) -> None:
+    """Write `ndarray[float32]` for the array of a property, which has no signature."""
+    for annotation in doctree.findall(addnodes.desc_annotation):
+        short = ARRAY.sub(r"ndarray[\1]", annotation.astext())
+        if short != annotation.astext():
+            annotation.children = [nodes.Text(short)]
 
 
 def _with_short_arrays(
@@ -80,4 +91,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-docstring", _with_examples)
     app.connect("autodoc-process-docstring", _with_whole_sentences, priority=400)
     app.connect("autodoc-process-signature", _with_short_arrays)
+    app.connect("doctree-read", _with_short_types)
     return {"parallel_read_safe": True}
