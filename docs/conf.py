@@ -66,9 +66,11 @@ def _with_whole_sentences(
 def _with_short_types(app: Sphinx, doctree: nodes.document) -> None:
     """Write `ndarray[float32]` for the array of a property, which has no signature."""
     for annotation in doctree.findall(addnodes.desc_annotation):
-        short = ARRAY.sub(r"ndarray[\1]", annotation.astext())
-        if short != annotation.astext():
-            annotation.children = [nodes.Text(short)]
+        parts = annotation.findall(nodes.Text)
+        # Each name stands there twice, with its module and without.
+        text = "".join(p for p in parts if p.parent.get("condition") != "*")
+        if ARRAY.search(text):
+            annotation.children = [nodes.Text(ARRAY.sub(r"ndarray[\1]", text))]
 
 
 def _with_short_arrays(
