@@ -13,7 +13,7 @@ from ..formats.scene.bundle import load_bundle
 from ..formats.untrusted.documents import read_json_object
 from ..formats.vlnce.files import write_episodes
 from .inputs.crews import FOLDER
-from .inputs.episode_file import asked_episodes
+from .inputs.episode_file import episodes_of
 from .publish import CARD, ENV, Release, released
 
 EPISODES = "episodes.json.gz"
@@ -86,7 +86,7 @@ def plan_env(
             "(ego), neither moved nor turned"
         )
     run = dataset.resolve().parents[1]
-    episodes, scenes_folder = asked_episodes(run, None, split)
+    episodes, scenes_folder = episodes_of(run, None, split)
     write_episodes(folder / EPISODES, episodes)
     sources = {}
     for name in sorted({episode.scene_id for episode in episodes}):

@@ -1,4 +1,4 @@
-"""Stages `replay` to `mcap` of one robot and view, an episode at a time; see `engine.ahead`."""
+"""Stages `replay` to `mcap` of one robot and view, an episode at a time; see `execution.ahead`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -107,7 +107,7 @@ def successes(vector: Any, seeds: list[int]) -> list[bool]:
 def ours(run: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bool]:
     """Success of each episode by `vlnpe evaluate` with the scripted policy."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("vlnpe.pipeline.engine.executors.execution.Workers", InlineWorkers)
+        patch.setattr("vlnpe.pipeline.execution.settings.Workers", InlineWorkers)
         out = tmp_path_factory.mktemp("ours")
         with served(SERVED) as address:
             options = ("--policy", address, "--actions", "velocity", "--camera", CAMERA)
