@@ -102,7 +102,7 @@ def choose_target(
 ) -> Target | None:
     """Return where the instruction leads on the map seen so far.
 
-    The whole instruction is read from the start pose on, as `evaluation.policies.follower` does on a
+    The whole instruction is read from the start pose on, as `policies.follower` does on a
     complete map. If it fits a way well, the way's end is the target. Otherwise a frontier is,
     by a score of distance, of how much of the instruction leads there, and of how well what is
     seen around it fits the next sub-goal.
