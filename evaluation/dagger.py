@@ -11,8 +11,8 @@ from ..learning.checkpoint import Checkpoint
 from ..learning.images import depth_input, rgb_input
 from ..learning.training.corrections import Correction
 from .guided import Mixture, guided_walk
-from .policies.learned import LearnedPolicy
 from .observation import Eye
+from .policies.learned import LearnedPolicy
 
 
 def corrected_walk(

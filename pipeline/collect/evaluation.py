@@ -10,7 +10,7 @@ from ...collectors.controllers import controller_for
 from ...collectors.robots import RobotSpec
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
-from ...evaluation.policies.names import MAP, MAPS, MODEL_POLICIES
+from ...evaluation.policies.names import MAP, MAPS, MODEL_POLICIES, SERVER_FORMS
 from ...evaluation.policies.registry import PolicyChoice, resolve_policy
 from ...evaluation.policy import ModelUse
 from ...evaluation.results import RESULTS_NAME, results_json
@@ -56,7 +56,8 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
     if options.actions != DISCRETE and not (policy.is_server or maps):
         raise InputError(
             f"--actions {options.actions}: policy {policy.name} outputs {DISCRETE} actions; "
-            f"valid: {DISCRETE}, --policy ws://HOST:PORT, or {WAYPOINTS} of --policy {MAP}"
+            f"valid: {DISCRETE}, --policy {' or '.join(SERVER_FORMS)}, "
+            f"or {WAYPOINTS} of --policy {MAP}"
         )
     card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
     robot, controller, view = chosen_test(options, card)

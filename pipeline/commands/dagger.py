@@ -1,19 +1,21 @@
 """Command `dagger`: a policy walks, the expert labels, and the walks become a dataset."""
 
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from ...evaluation.episode import closed_loop
 from ...evaluation.guided import CONTROLLER
 from ...evaluation.motions import DISCRETE
-from ...evaluation.policy_names import MODEL_POLICIES, ORACLE
-from ...evaluation.policy_registry import resolve_policy
+from ...evaluation.policies.names import MODEL_POLICIES, ORACLE
+from ...evaluation.policies.registry import resolve_policy
 from ...formats.core.errors import InputError
 from ...learning.card import read_card
+from ..collect.evaluation import FRAMES_PER_SECOND, chosen_test
 from ..context import open_context
-from ..engine.runner import run_stage
+from ..execution.runner import run_stage
 from ..inputs.crews import action_timing, keep_crews
-from ..inputs.episode_file import asked_episodes
+from ..inputs.episode_file import episodes_of
 from ..options.evaluate import Dagger, Evaluate
+from ..options.shared import settings_of
 from ..report.gather import robot_rows
 from ..stages.datasets import export_items as export
 from ..stages.evaluation import items as evaluate
@@ -21,7 +23,6 @@ from ..stages.rollouts import render_items as render
 from ..stages.rollouts import replay_items as replay
 from ..stages.scenes import items as repair
 from ..summary import joined, print_result, robot_table, stage_table
-from .evaluate import FRAMES_PER_SECOND, chosen_test
 
 ALL = "all"
 
@@ -38,9 +39,9 @@ def run(options: Dagger) -> int:
             f"--policy {policy.name}: valid are learned policies, servers, map, random, forward"
         )
     card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
-    robot, controller, view = chosen_test(_as_evaluation(options), card)
+    robot, controller, view = chosen_test(settings_of(Evaluate, options), card)
     split = None if options.split == ALL else options.split
-    episodes, scenes_folder = asked_episodes(options.episodes, options.scenes, split)
+    episodes, scenes_folder = episodes_of(options.episodes, options.scenes, split)
     episodes = episodes[: options.limit]
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
@@ -94,9 +95,3 @@ def run(options: Dagger) -> int:
     text = f"\n{stage_table(summaries)}\n\n{table}\n\ndataset: {dataset.lerobot}"
     print_result(options, counts, text)
     return code
-
-
-def _as_evaluation(options: Dagger) -> Evaluate:
-    """Return the options that an evaluation shares."""
-    shared = {f.name for f in fields(Evaluate)} & {f.name for f in fields(Dagger)}
-    return Evaluate(**{name: getattr(options, name) for name in shared})

@@ -2,8 +2,8 @@
 
 import sys
 
-from ...evaluation.policy_names import MAPS, MODEL_POLICIES, ORACLE
-from ...evaluation.policy_registry import resolve_policy
+from ...evaluation.policies.names import MAPS, MODEL_POLICIES, ORACLE
+from ...evaluation.policies.registry import resolve_policy
 from ...formats.core.errors import InputError, MissingExtraError
 from ...learning.card import read_card
 from ..options.evaluate import Serve

@@ -133,7 +133,7 @@ class Dagger(DiscreteActions, Mounting, Running):
     def check(self) -> None:
         """Raise InputError if a file or folder is missing, or a number is out of range."""
         must_exist(self.episodes, self.scenes)
-        check_limit(self.limit)
+        check_numbers(self, 1, "limit")
         if not 0 <= self.beta <= 1:
             raise InputError(f"--beta {self.beta:g}; valid: 0 to 1")
 

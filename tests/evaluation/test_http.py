@@ -11,14 +11,14 @@ import httpx2
 import numpy as np
 import pytest
 
-from vlnpe.evaluation.baselines import Forward
 from vlnpe.evaluation.http.client import HORIZON_M, HttpPolicy, steps_along
 from vlnpe.evaluation.http.server import DualServer, listening
 from vlnpe.evaluation.http.wire import DEPTH_UNIT_M, form_of, images_in
 from vlnpe.evaluation.motions import checked_motion
 from vlnpe.evaluation.observation import Observation
+from vlnpe.evaluation.policies.baselines import Forward
+from vlnpe.evaluation.policies.registry import resolve_policy
 from vlnpe.evaluation.policy import Assignment, PolicyError
-from vlnpe.evaluation.policy_registry import resolve_policy
 from vlnpe.formats.core.rollout import Action
 
 TEXT = "Go to the 沙发."

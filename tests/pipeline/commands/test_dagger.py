@@ -15,7 +15,7 @@ from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.engine.executors import execution as executors
+from vlnpe.pipeline.execution import settings as executors
 
 
 @pytest.fixture(scope="module")
