@@ -137,7 +137,7 @@ class RobotTracer:
             return
         rays = rays[nearer]
         surface = self._surfaces[geom.index]
-        touched = PacketHits(*(values[nearer] for values in touched))
+        touched = PacketHits._make(values[nearer] for values in touched)
         shade_robot(
             rays, directions, eye_m.astype(np.float32), touched, surface.normals,
             geom.rotation_world, surface.color_linear, light, hits.color,
