@@ -9,6 +9,7 @@ import pytest
 
 from vlnpe.collectors.controllers import SpeedConfig
 from vlnpe.collectors.locomotion.runtime.card import POLICY_FOLDER
+from vlnpe.collectors.locomotion.runtime.network import Network
 from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
 from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.locomotion.trials import evaluate
@@ -42,27 +43,24 @@ def policy() -> GaitPolicy:
     return GaitPolicy.load(get_robot("aliengo"))
 
 
-class Asleep(GaitPolicy):
-    """Holds still, whatever it is asked for."""
+class Constant:
+    """A network that gives the same action whatever it sees."""
 
-    def infer(self, observation):
-        return np.zeros((len(observation), self.robot.policy_joints))
+    def __init__(self, network: Network, action: tuple[float, ...]):
+        self.inputs, self.outputs, self._action = network.inputs, network.outputs, action
 
-
-class Limp(GaitPolicy):
-    """Folds its legs."""
-
-    def infer(self, observation):
-        fold = np.tile([0.0, 2.0, -3.0], 4)
-        return np.tile(fold, (len(observation), 1))
+    def run(self, observation: np.ndarray, action: np.ndarray) -> None:
+        action[:] = self._action
 
 
-def impostor(kind: type[GaitPolicy], policy: GaitPolicy) -> GaitPolicy:
+ASLEEP, LIMP = (0.0,) * 12, (0.0, 2.0, -3.0) * 4  # holds still; folds its legs
+
+
+def impostor(action: tuple[float, ...], policy: GaitPolicy) -> GaitPolicy:
     # A clock that never moves the legs: only the actions count.
     still = replace(policy.card.gait, stand_linear_m_s=9.0, stand_yaw_rad_s=9.0)
-    other = kind.load(policy.robot)
-    other.card = replace(policy.card, gait=still)
-    return other
+    card = replace(policy.card, gait=still)
+    return GaitPolicy(policy.robot, card, Constant(policy.network, action))
 
 
 def start(policy: GaitPolicy, count: int = 2, conditions: Conditions | None = None) -> Trial:
@@ -133,7 +131,7 @@ def test_the_same_seed_measures_the_same(policy: GaitPolicy):
 
 
 def test_a_gait_that_stands_still_passes_no_walking_gate(policy: GaitPolicy):
-    asleep = impostor(Asleep, policy)
+    asleep = impostor(ASLEEP, policy)
     rng = np.random.default_rng(0)
     commands = command_grid(policy.robot)
     result = velocity_errors(asleep, commands, Conditions(), rng, 2.0, 1.0)
@@ -143,7 +141,7 @@ def test_a_gait_that_stands_still_passes_no_walking_gate(policy: GaitPolicy):
 
 
 def test_a_fall_counts_as_an_error_of_the_whole_command(policy: GaitPolicy):
-    limp = impostor(Limp, policy)
+    limp = impostor(LIMP, policy)
     commands = np.array([[0.5, 0.0, 0.3]] * 2)
     result = velocity_errors(limp, commands, Conditions(), np.random.default_rng(0), 3.0, 2.0)
     assert result["falls"] == 2
