@@ -25,7 +25,7 @@ class Subset:
     """What is written, apart from its episodes.
 
     Attributes:
-        name: Name of the dataset, and of the split unless it is `train`.
+        name: `<split>/<dataset>`.
         balance: What `parse_balance` takes.
         licence: Licence of the data.
         left_out: Number of episodes that are not written, by reason.

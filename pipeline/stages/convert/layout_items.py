@@ -1,4 +1,4 @@
-"""Stages named like the layouts of trainers: episode units to `<layout>/<subset>/`."""
+"""Stages named like the layouts of trainers: units to `<layout>/<split>/<dataset>/`."""
 
 import logging
 import re
@@ -62,8 +62,7 @@ def layout_items(
     Args:
         name: Key of `LAYOUTS`.
         rows: Of stages that write units, by item.
-        root: The ledger's folder; output goes to `<root>/<name>/<subset>/`.
-        dataset: Name of the dataset; what is not for training gets `-<split>` appended.
+        root: The ledger's folder; output goes to `<root>/<name>/<split>/<dataset>/`.
         balance: What `check_balance` takes; it is for training only.
         held_out: Scenes whose training episodes validate, if the units do not know yet.
         licence: Licence of the data; None takes what the units say.
@@ -99,7 +98,7 @@ def layout_items(
         members.setdefault(group, []).append((key, source))
     result = []
     for (split, scene), chosen in members.items():
-        named = dataset if split == TRAIN else f"{dataset}-{split}"
+        named = f"{split}/{dataset}"  # NavDP's loader reads all that lies in one folder
         used = (balance or layout.balance if split == TRAIN else "") or "natural"
         dropped = left_out.get((split, scene), {})
         subset = Subset(named, used, licence, dropped)

@@ -57,8 +57,8 @@ def test_a_run_becomes_subsets_by_robot_and_split(
     name: str, run: Path, tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert convert(run, name, tmp_path) == 0
-    made = sorted(path.name for path in (tmp_path / name).iterdir())
-    assert made == [f"{r}-path-front{s}" for r in ("dog", "man") for s in ("", "-val")]
+    made = sorted(str(path.relative_to(tmp_path / name)) for path in tmp_path.glob(f"{name}/*/*"))
+    assert made == [f"{s}/{r}-path-front" for s in ("train", "val") for r in ("dog", "man")]
     lines = [
         json.loads(line)
         for path in (tmp_path / name).rglob(SIDECAR_NAME)
@@ -67,10 +67,10 @@ def test_a_run_becomes_subsets_by_robot_and_split(
     assert len(lines) == 6 and {line["end_reason"] for line in lines} == {"success"}
     assert {(x["split"], x["scene_id"]) for x in lines} == {("train", "home-0"), ("val", "home-1")}
     assert len({line["key"] for line in lines}) == 6
-    readme = next((tmp_path / name / "dog-path-front").rglob("README.md")).read_text()
+    readme = next((tmp_path / name / "train" / "dog-path-front").rglob("README.md")).read_text()
     assert "left out: 1 fall" in readme and "cc-by-4.0" in readme
     said = capfd.readouterr().out
-    assert (f"{name} dog-path-front, answers:" in said) == (name != "navdp")
+    assert (f"{name} train/dog-path-front, answers:" in said) == (name != "navdp")
     assert cli.main(["verify", str(tmp_path)]) == 0
     before = {p: p.stat().st_mtime_ns for p in (tmp_path / name).rglob("*") if p.is_file()}
     assert convert(run, name, tmp_path) == 0  # nothing is written again
@@ -81,11 +81,11 @@ def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, in
     counts = {}
     for balance in ("natural", "navila", "forward=1,left=1,right=1,stop=3"):
         assert convert(run, "navila", tmp_path, "--balance", balance) == 0
-        folders = (tmp_path / "navila" / f"dog-path-front{s}" for s in ("", "-val"))
+        folders = (tmp_path / "navila" / split / "dog-path-front" for split in ("train", "val"))
         counts[balance] = [len(read(folder / "annotations.json")) for folder in folders]
     train, held_out = zip(*counts.values(), strict=True)
     assert train[0] < train[1] < train[2] and len(set(held_out)) == 1
-    records = read(tmp_path / "navila" / "dog-path-front" / "annotations.json")
+    records = read(tmp_path / "navila" / "train" / "dog-path-front" / "annotations.json")
     assert len({r["video_id"] for r in records}) == len(records)
 
 
@@ -115,7 +115,7 @@ def test_what_was_written_is_not_converted_back(
 ) -> None:
     assert convert(run, "navila", tmp_path) == 0
     capfd.readouterr()
-    assert convert(tmp_path / "navila" / "dog-path-front", "mcap", tmp_path / "back") == 2
+    assert convert(tmp_path / "navila" / "train" / "dog-path-front", "mcap", tmp_path / "back") == 2
     assert "lacks the robot's poses" in capfd.readouterr().err
 
 
@@ -127,10 +127,10 @@ def test_a_full_disk_leaves_nothing_that_looks_finished(
 
     monkeypatch.setattr(subset_module, "write_array", full)
     assert convert(run, "navila", tmp_path) != 0
-    assert not list((tmp_path / "navila").iterdir())
+    assert not [path for path in (tmp_path / "navila").rglob("*") if path.is_file()]
     monkeypatch.undo()
     assert convert(run, "navila", tmp_path) == 0
-    assert (tmp_path / "navila" / "dog-path-front" / "README.md").is_file()
+    assert (tmp_path / "navila" / "train" / "dog-path-front" / "README.md").is_file()
 
 
 def test_what_a_layout_needs_is_named_with_the_command(
