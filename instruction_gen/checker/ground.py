@@ -110,10 +110,11 @@ class Ground(Things):
                 if self.door_side(p, side):
                     mask |= self.between(p.along_m - 4.0, p.along_m + 0.5)
         marks = list(enumerate(self.facts.landmarks))
-        doors = [n for n, m in marks if m.noun == DOOR and m.room in names]
+        doors = [n for n, m in marks if m.noun == DOOR and names & set(m.leads)]
         within = [n for n, m in marks if m.noun != DOOR and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
-            near = (self.near_m[rows] <= reach_m) & (np.abs(self.bearing[rows]) >= 25.0)
+            off = np.abs(self.bearing[rows])
+            near = (self.near_m[rows] <= reach_m) & (off >= 25.0) & (off <= 125.0)
             if not known and near.any():
                 known = True
                 mask |= (near & self.sided(rows, side)).any(axis=0)

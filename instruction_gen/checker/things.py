@@ -23,7 +23,6 @@ _ONE_PLACE_M = 3.0  # things of a name that are met this close together may all 
 _VISIBLE_PIXELS = 12
 _SIDE_DEG = (8.0, 172.0)
 _CLEAR_SIDE_DEG = 25.0
-_THROUGH_M = 0.4
 
 
 class Things:
@@ -79,9 +78,9 @@ class Things:
         """Return where a thing is in view; one on a side is nearby."""
         mask = self.seen & (np.abs(self.bearing) <= 125.0)
         if claim.side in ("left", "right"):
-            near = (self.near_m <= PASS_M) & self._nearest()
-            return self._where(claim, mask & (self.distance <= BESIDE_M) & self._nearest() | near,
-                               "is never in view", since)  # fmt: skip
+            near = mask & (self.distance <= BESIDE_M) | (self.near_m <= PASS_M)
+            near &= self._nearest() if claim.what == "thing" else True  # a door is walked up to
+            return self._where(claim, near, "is never in view", since)
         mask = mask & (self.distance <= SEE_M) | (self.near_m <= PASS_M)
         return self._where(claim, mask, "is never in view")
 
@@ -191,9 +190,7 @@ class Things:
         marks = list(enumerate(self.facts.landmarks))
         if claim.what == "door":
             names = room_names(claim.room)
-            doors = [n for n, m in marks if m.noun == DOOR]
-            sure = [n for n in doors if self.facts.landmarks[n].room in names]
-            return sure or [n for n in doors if not names or self._leads_to(n, names)]
+            return [n for n, m in marks if m.noun == DOOR and (not names or names & set(m.leads))]
         found = [n for n, m in marks if called(m.noun, claim.name)]
         head, _, kind = claim.name.rpartition(" ")
         if not found and head and room_names(head):
@@ -204,26 +201,6 @@ class Things:
         if claim.room:
             return [n for n in found if self.facts.landmarks[n].room in room_names(claim.room)]
         return found
-
-    def _leads_to(self, n: int, names: frozenset[str]) -> bool:
-        """Return whether a doorway leads to or from a room."""
-        facts, door = self.facts, self.facts.landmarks[n]
-        if door.room in names:
-            return True
-        for p in facts.passages:
-            k = int(np.argmin(np.abs(self.along_m - p.along_m)))
-            if self.distance[n, max(k - 1, 0) : k + 2].min() <= _THROUGH_M:
-                return bool({p.from_room, p.to_room} & names)
-        visit = next((v for v in facts.visits if v.to_m >= door.along_m - 0.3), None)
-        if visit is not None and door.room not in ("", visit.room):
-            return False  # it is that of another room
-        near_goal = door.goal_distance_m <= 2.6
-        if near_goal and names & {*facts.goal_rooms, *facts.goal_near_rooms}:
-            return True
-        if door.distance_m <= 1.2 and door.along_m <= 1.0 and names & set(facts.start_rooms):
-            return True
-        # A door that is only passed: to which of the rooms behind it leads is not in the facts.
-        return not near_goal and visit is not None and bool(names & set(visit.beyond))
 
     def _looks(self, n: int, kind: str) -> set[str]:
         mark = self.facts.landmarks[n]
