@@ -114,7 +114,9 @@ class Ground(Things):
         within = [n for n, m in marks if m.noun != DOOR and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
             off = np.abs(self.bearing[rows])
-            near = (self.near_m[rows] <= reach_m) & (off >= 25.0) & (off <= 125.0)
+            far_m = np.where((off >= 25.0) & (off <= 125.0), self.near_m[rows], np.inf)
+            # Of several doors the nearest shows where the room is.
+            near = far_m <= min(reach_m, far_m.min(initial=np.inf) + 0.6)
             if not known and near.any():
                 known = True
                 mask |= (near & self.sided(rows, side)).any(axis=0)
