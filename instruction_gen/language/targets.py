@@ -52,6 +52,8 @@ def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
             kind = "in"
     elif target.what == "door" and kind == "door" and not prep and clause.until:
         kind = "" if verb not in ("enter", "leave") else kind
+    elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
+        kind = "see"  # "bathroom door right, kitchen door left"
     elif not kind and not verb and clause.prep == "past":
         kind = "pass"
     claim = target.claim(kind or _ELSE[target.what])
