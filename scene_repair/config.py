@@ -67,11 +67,7 @@ class RepairConfig:
 
 
 def metres_per(unit: str) -> float:
-    """Return the length [m] of a unit: a name in `UNIT_M`, or a number of metres.
-
-    Raises:
-        UnknownNameError: neither, or not above 0.
-    """
+    """Return the length [m] of a unit in `UNIT_M`, or of a number of metres, if it is above 0."""
     if unit in UNIT_M:
         return UNIT_M[unit]
     try:

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..formats.core.errors import InputError, SceneError
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
+from .arrays import Mask
 from .collide.level_collision import build_collision
 from .config import RepairConfig
 from .floor.lay import with_floor
@@ -26,7 +26,7 @@ from .orient.bounds import robust_bounds
 from .orient.transform import orient
 from .scan.dispatch import read_scan
 from .scan.files import licence_beside
-from .scan.left_out import without_parts
+from .scan.left_out import advice, without_parts
 from .scan.record import Scan, ScanObject
 from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
@@ -47,12 +47,7 @@ Reader = Callable[[Path, RepairConfig, Callable[[str], None]], Scan]
 
 
 def read_surface(source: Path, config: RepairConfig, report: Callable[[str], None]) -> Scan:
-    """Read a mesh, USD stage or point cloud; see `read_scan`.
-
-    Raises:
-        FileFormatError: as `read_scan`.
-        InputError: a collision surface is given for what has a surface of its own.
-    """
+    """Read a mesh, USD stage or point cloud, which has a surface of its own; see `read_scan`."""
     report(f"reading {source.name}")
     scan = read_scan(source)
     if config.collision:
@@ -70,18 +65,14 @@ def repair_scene(
     progress: Callable[[str], None] | None = None,
     read: Reader = read_surface,
 ) -> SceneBundle:
-    """Read the scan `source` and write the repaired scene into the existing folder `out_dir`.
+    """Read the scan `source`; write the repaired scene into `out_dir` and return its bundle.
 
     Args:
-        source: a mesh, USD stage or point cloud; `<stem>.labels.json` and
-            `<stem>.house` beside it are used if there.
-        out_dir: an empty folder; the caller makes it atomic.
+        source: a scan; `<stem>.labels.json` and `<stem>.house` beside it are used if there.
+        out_dir: an existing, empty folder; the caller makes it atomic.
         config: settings; None = the defaults.
         progress: called with one short line before each step.
         read: reads the source; `splats.repair` reads Gaussian splats.
-
-    Returns:
-        The bundle as it was written.
 
     Raises:
         FileFormatError: the file or one beside it is missing, damaged or holds no mesh.
@@ -93,20 +84,20 @@ def repair_scene(
     scan = without_parts(read(source, config, report), config.exclude)
     scan = replace(scan, licence=scan.licence or licence_beside(source))
     scan, boxes = label_scan(source, scan)
-    way = orient(scan, config)
-    scan = label_by_boxes(scan, boxes, way.source_to_world)
+    orientation = orient(scan, config)
+    scan = label_by_boxes(scan, boxes, orientation.source_to_world)
     report(
-        f"up {way.evidence['up']} ({way.evidence['up_reason']}), "
-        f"unit {way.evidence['unit']} ({way.evidence['unit_reason']})"
+        f"up {orientation.evidence['up']} ({orientation.evidence['up_reason']}), "
+        f"unit {orientation.evidence['unit']} ({orientation.evidence['unit_reason']})"
     )
     if config.floor_m is not None:
-        scan = with_floor(scan, way.source_to_world, config.floor_m)
-    original = WorldMesh.of(scan, way.source_to_world)
-    coarse, fine = _grids(original, config)
+        scan = with_floor(scan, orientation.source_to_world, config.floor_m)
+    original = WorldMesh.of(scan, orientation.source_to_world)
+    coarse, fine = _grids(scan, original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
-    found, notes, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
+    scanned_floors, notes, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
-    floors = _repair_floors(scan, clear, found, ignore, config, report)
+    floors = _repair_floors(scan, clear, scanned_floors, ignore, config, report)
     mesh = floors[-1].mesh
     report("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
@@ -117,11 +108,9 @@ def repair_scene(
     repaired = Repaired(
         source=source,
         scan=scan,
-        way=way,
+        orientation=orientation,
         boxes=boxes,
         original=original,
-        mesh=mesh,
-        materials=floors[-1].materials,
         floors=floors,
         levels=[level for level, _ in probed],
         probes=[record for _, record in probed],
@@ -132,19 +121,15 @@ def repair_scene(
     return write_scene(repaired, out_dir, config)
 
 
-def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
-    """Return coarse and fine grid over the scan, with a common origin.
-
-    Raises:
-        SceneError: too large for the cells asked for.
-    """
+def _grids(scan: Scan, mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
+    """Return coarse and fine grid with a common origin; raise SceneError if they are too large."""
     lower, upper = robust_bounds(mesh.vertices, mesh.faces)
     coarse = GridSpec.covering(lower[:2] - MARGIN_M, upper[:2] + MARGIN_M, config.cell_m)
     cells = coarse.rows * coarse.columns
     if cells > MAX_CELLS:
         raise SceneError(
             f"the scene covers {cells:,} cells of {config.cell_m} m; valid: up to {MAX_CELLS:,} "
-            "(cut it into parts, or leave some out: --exclude NAME)"
+            f"({advice(scan)}cut it into parts, or leave some out: --exclude NAME)"
         )
     factor = math.ceil(config.cell_m / config.fine_m - 1e-9)
     while factor > 1 and cells * factor**2 > MAX_CELLS:
@@ -156,27 +141,27 @@ def _grids(mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec, GridSpec]:
 
 
 def _find_floors(
-    mesh: WorldMesh, fine: GridSpec, ignore: NDArray[np.bool_], config: RepairConfig
-) -> tuple[list[ScannedFloor], list[str], NDArray[np.bool_], NDArray[np.bool_]]:
+    mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairConfig
+) -> tuple[list[ScannedFloor], list[str], Mask, Mask]:
     """Return the levels' floors, doubts, faces (F,) that are no floor, ceilings (F,) in floors."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    found, notes = find_levels(surfaces, columns, mesh, config)
-    averted = averted_faces(found, columns, up)
+    scanned_floors, notes = find_levels(surfaces, columns, mesh, config)
+    averted = averted_faces(scanned_floors, columns, up)
     if not averted.any():
-        return found, notes, ignore, averted
+        return scanned_floors, notes, ignore, averted
     ignore = ignore | averted
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    found, notes = find_levels(surfaces, columns, mesh, config)
-    return found, notes, ignore, ceilings_in_floors(found, columns, averted)
+    scanned_floors, notes = find_levels(surfaces, columns, mesh, config)
+    return scanned_floors, notes, ignore, ceilings_in_floors(scanned_floors, columns, averted)
 
 
 def _repair_floors(
     scan: Scan,
     mesh: WorldMesh,
-    found: list[ScannedFloor],
-    ignore: NDArray[np.bool_],
+    scanned_floors: list[ScannedFloor],
+    ignore: Mask,
     config: RepairConfig,
     report: Callable[[str], None],
 ) -> list[RepairedFloor]:
@@ -184,7 +169,7 @@ def _repair_floors(
     structure = structural(scan)
     materials, objects = scan.materials, scan.objects
     floors: list[RepairedFloor] = []
-    for k, scanned in enumerate(found):
+    for k, scanned in enumerate(scanned_floors):
         report(f"repairing the floor of level {k}")
         added = np.zeros(len(mesh.faces) - len(ignore), dtype=bool)
         floor = repair_floor(

@@ -1,10 +1,10 @@
 """Cover voxels with few axis-aligned boxes."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.scene.bundle import Obstacles
+from ..arrays import U8
 from .voxels import STEPS, Voxels
 
 # What a box may do with a voxel.
@@ -13,7 +13,7 @@ NEVER, MAY, MUST = np.uint8(0), np.uint8(1), np.uint8(2)
 _ORDERS = np.array([(2, 0, 1), (2, 1, 0), (0, 1, 2), (1, 0, 2), (0, 2, 1), (1, 2, 0)])
 
 
-def cover_with_boxes(voxels: Voxels, state: NDArray[np.uint8], slack: float = 0.5) -> Obstacles:
+def cover_with_boxes(voxels: Voxels, state: U8, slack: float = 0.5) -> Obstacles:
     """Cover all `MUST` voxels and no `NEVER` voxel with boxes shrunk to what they cover.
 
     Greedy: from each voxel still open a box grows both ways along each axis in turn. It only grows
@@ -50,17 +50,10 @@ def _copy(source, target):
 
 @kernel()
 def _widen(state, extent, box, sides):
-    """Include the voxels of `box` in the ranges of the four upright sides they touch.
+    """Include the voxels of `box` in the ranges of its upright sides; False if one is `NEVER`.
 
-    Args:
-        state: see `cover_with_boxes`.
-        extent: `lower` and `upper` of `Voxels`.
-        box: (6,) first and last index along rows (y), columns (x), layers (z).
-        sides: (12,) for each side (low y, high y, low x, high x) its index, and the least and
-            most of the surface's extent seen on it.
-
-    Returns:
-        False if a voxel must not be covered.
+    `box` is (6,) first and last index along rows (y), columns (x), layers (z); `sides` is (12,) for
+    each side (low y, high y, low x, high x) its index, and the least and most extent seen on it.
     """
     lower, upper = extent
     for i in range(box[0], box[1] + 1):

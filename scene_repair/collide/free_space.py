@@ -1,9 +1,9 @@
 """Free space of a robot, and the surfaces it can touch."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from ..arrays import F32, F64, U8, Mask
 from ..grid.morphology import distance_to, label
 from .boxes import MAY, MUST, NEVER
 from .voxels import STEPS, Voxels
@@ -17,7 +17,7 @@ SLIVER = 0.25
 SPREAD = 3
 
 
-def headroom(voxels: Voxels, height_m: NDArray[np.float64], above_m: float) -> NDArray[np.float32]:
+def headroom(voxels: Voxels, height_m: F64, above_m: float) -> F32:
     """Return the free height (rows, columns) [m] above the floor, infinite where all is free.
 
     What ends at most `above_m` above the floor is stepped over and does not count.
@@ -33,7 +33,7 @@ def headroom(voxels: Voxels, height_m: NDArray[np.float64], above_m: float) -> N
     return np.where(in_the_way.any(axis=2), free, np.inf).astype(np.float32)
 
 
-def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
+def places(free: Mask, cell_m: float) -> Mask:
     """Return the connected parts of `free` (rows, columns) that are large enough for a robot."""
     parts, count = label(free)
     area = np.bincount(parts.ravel(), minlength=count + 1) * cell_m**2
@@ -44,19 +44,13 @@ def places(free: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
     return roomy[parts]
 
 
-def touchable(
-    voxels: Voxels, place: NDArray[np.bool_], height_m: NDArray[np.float64]
-) -> NDArray[np.uint8]:
+def touchable(voxels: Voxels, place: Mask, height_m: F64) -> U8:
     """Return what boxes must, may and must not cover, (rows, columns, layers) as in `boxes`.
 
-    Air that a probe of three voxels reaches from a place stays air; the surfaces next to it must
-    be covered. What nothing reaches (insides of walls and furniture, gaps narrower than the probe,
-    the world behind the walls) is left open, so that boxes can be large.
-
-    Args:
-        voxels: surfaces above the floor.
-        place: (rows, columns) floor that a robot can stand on.
-        height_m: (rows, columns) floor height.
+    Air that a probe of three voxels reaches from a `place` (rows, columns) for robots stays air;
+    the surfaces next to it must be covered. What nothing reaches (insides of walls and furniture,
+    gaps narrower than the probe, the world behind the walls) is left open, so that boxes can be
+    large.
     """
     occupied = voxels.occupied
     layers = occupied.shape[2]
@@ -81,11 +75,10 @@ def touchable(
     return state
 
 
-def _slivers(voxels: Voxels) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _slivers(voxels: Voxels) -> tuple[Mask, Mask]:
     """Return voxels into which a surface barely reaches from an occupied neighbour in x or y.
 
-    Returns:
-        The slivers, and the neighbours that stand for them; no voxel is both.
+    The neighbours that stand for them are returned, too; no voxel is both.
     """
     least = round(SLIVER * STEPS)
     sliver = np.zeros(voxels.upper.shape[:3], dtype=bool)
@@ -98,7 +91,7 @@ def _slivers(voxels: Voxels) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
             (-1, lower >= STEPS - least, lower <= 1),
         ):
             neighbour = np.roll(occupied & reaches & ~sliver, step, axis=index_axis)
-            found = occupied & thin & neighbour & ~stands
-            sliver |= found
-            stands |= np.roll(found, -step, axis=index_axis)
+            thin_ends = occupied & thin & neighbour & ~stands
+            sliver |= thin_ends
+            stands |= np.roll(thin_ends, -step, axis=index_axis)
     return sliver, stands

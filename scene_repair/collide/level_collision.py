@@ -9,8 +9,8 @@ from ...formats.scene.bundle import Floor, Obstacles
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..config import RepairConfig
-from ..floor.height_field import coarse_floor
 from ..floor.repair_level import RepairedFloor
+from ..grid.height_field import coarse_floor
 from ..grid.morphology import grown_window
 from ..grid.world_mesh import WorldMesh
 from .boxes import cover_with_boxes
@@ -23,10 +23,7 @@ MARGIN_M = 0.6
 
 @dataclass(frozen=True)
 class LevelCollision:
-    """Collision and freemap of one level, for simulator and planner.
-
-    Boxes belong to the mesh's objects until the bundle's are known.
-    """
+    """Collision and freemap of one level; boxes belong to the mesh's objects until bundled."""
 
     floor: Floor
     obstacles: Obstacles
@@ -36,12 +33,7 @@ class LevelCollision:
 def build_collision(
     mesh: WorldMesh, level: RepairedFloor, grid: GridSpec, config: RepairConfig
 ) -> LevelCollision:
-    """Build the collision of one level.
-
-    Args:
-        mesh: the fully repaired scan.
-        grid: coarse cells, aligned with the level's fine ones.
-    """
+    """Build the collision of a level of the repaired `mesh`; `grid` aligns with its fine cells."""
     floor = _cropped(coarse_floor(level.fine, level.height_m, grid))
     grid = floor.grid
     height = floor.height_m.astype(np.float64)

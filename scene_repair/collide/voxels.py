@@ -7,10 +7,10 @@ so a doorway keeps its width.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I32, I64, U8, Mask
 
 # Extents are stored in 1/250 of a voxel: 0.2 mm at 5 cm.
 STEPS = 250
@@ -30,37 +30,34 @@ class Voxels:
 
     grid: GridSpec
     z0_m: float
-    lower: NDArray[np.uint8]
-    upper: NDArray[np.uint8]
-    owner: NDArray[np.int32]
+    lower: U8
+    upper: U8
+    owner: I32
 
     @property
-    def occupied(self) -> NDArray[np.bool_]:
+    def occupied(self) -> Mask:
         """Return (rows, columns, layers) bool."""
         return self.upper[..., 2] > 0
 
 
 def voxelise(
-    vertices_m: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    face_owner: NDArray[np.int32],
+    vertices_m: F64,
+    faces: I64,
+    face_owner: I32,
     grid: GridSpec,
     *,
     z0_m: float,
     layers: int,
-    cut_below_m: NDArray[np.float64],
-    cut_above_m: NDArray[np.float64],
+    cut_below_m: F64,
+    cut_above_m: F64,
 ) -> Voxels:
     """Clip every face to the voxels it passes through.
 
     Args:
-        vertices_m: (V, 3) world.
-        faces: (F, 3).
+        vertices_m, faces: (V, 3) world and (F, 3).
         face_owner: (F,) what the faces belong to, −1 = nothing.
-        z0_m: bottom of the lowest layer.
-        layers: number of layers of height `grid.cell_m`.
-        cut_below_m: (rows, columns) world heights below which nothing is kept: the floor.
-        cut_above_m: (rows, columns) world heights above which nothing is kept: out of reach.
+        z0_m, layers: bottom of the lowest layer, and how many of height `grid.cell_m` there are.
+        cut_below_m, cut_above_m: (rows, columns) world heights between which faces are kept.
     """
     side = grid.cell_m
     scaled = (vertices_m - (*grid.origin_xy_m, z0_m)) / side
@@ -88,22 +85,22 @@ def _cut(polygon, count, axis, value, sign, out):
 
     Keeps what lies above `value` for sign 1.0, below for −1.0.
     """
-    kept = 0
+    corners = 0
     for k in range(count):
         m = k + 1 if k + 1 < count else 0
         dk = sign * (polygon[k, axis] - value)
         dm = sign * (polygon[m, axis] - value)
         if dk >= 0.0:
             for a in range(3):
-                out[kept, a] = polygon[k, a]
-            kept += 1
+                out[corners, a] = polygon[k, a]
+            corners += 1
         if (dk > 0.0 and dm < 0.0) or (dk < 0.0 and dm > 0.0):
             t = dk / (dk - dm)
             for a in range(3):
-                out[kept, a] = polygon[k, a] + t * (polygon[m, a] - polygon[k, a])
-            out[kept, axis] = value
-            kept += 1
-    return kept
+                out[corners, a] = polygon[k, a] + t * (polygon[m, a] - polygon[k, a])
+            out[corners, axis] = value
+            corners += 1
+    return corners
 
 
 @kernel()
@@ -126,10 +123,10 @@ def _slab_range(polygon, count, axis, size):
 
 @kernel()
 def _slab(polygon, count, axis, low, high, scratch, out):
-    kept = _cut(polygon, count, axis, low, 1.0, scratch)
-    if kept == 0:
+    corners = _cut(polygon, count, axis, low, 1.0, scratch)
+    if corners == 0:
         return 0
-    return _cut(scratch, kept, axis, high, -1.0, out)
+    return _cut(scratch, corners, axis, high, -1.0, out)
 
 
 @kernel()

@@ -6,7 +6,8 @@ import numpy as np
 from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
-from ..grid.morphology import Mask, Window, distance_to, grow, grown_window, label
+from ..arrays import Mask
+from ..grid.morphology import Window, distance_to, grow, grown_window, label
 from .evidence import Evidence
 
 # Regions lying open below in more than this share of their cells are stairwells or shafts.
@@ -124,10 +125,7 @@ def _sides(cells: Mask, window: Window, around: Surroundings) -> int:
 def judge(rim: Rim, *, ceiled: bool, floored: bool) -> tuple[bool, str, str]:
     """Return whether to fill a gap, its likely cause, and the reason in words.
 
-    Args:
-        rim: What lies around the gap.
-        ceiled: Whether the level has ceilings.
-        floored: Whether floor runs on under the walls of the level.
+    `ceiled` says whether the level has ceilings, `floored` whether floor runs on under its walls.
     """
     thin = rim.thickness_m < WALL_THICKNESS_M
     # Between a wall's faces lies the wall of the storey below, or what hides in it: no opening.

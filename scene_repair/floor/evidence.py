@@ -3,15 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I32, Mask
 from ..grid.columns import Columns
+from ..grid.height_field import smooth
 from ..grid.morphology import nearest_in
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
-from .height_field import smooth
 from .reference import remove_narrow
 
 # Surfaces this near to the reference height cover a floor, if they are not upright.
@@ -50,28 +50,28 @@ class Evidence:
         sunk: upright surfaces go down deep under the level.
     """
 
-    reference_m: NDArray[np.float64]
-    z_m: NDArray[np.float64]
-    face: NDArray[np.int32]
-    covered: NDArray[np.bool_]
-    wall: NDArray[np.bool_]
-    lintel: NDArray[np.bool_]
-    overhead: NDArray[np.bool_]
-    furniture: NDArray[np.bool_]
-    structure: NDArray[np.bool_]
-    below: NDArray[np.bool_]
-    bare: NDArray[np.bool_]
-    sunk: NDArray[np.bool_]
+    reference_m: F64
+    z_m: F64
+    face: I32
+    covered: Mask
+    wall: Mask
+    lintel: Mask
+    overhead: Mask
+    furniture: Mask
+    structure: Mask
+    below: Mask
+    bare: Mask
+    sunk: Mask
 
 
 def gather_evidence(
     mesh: WorldMesh,
     columns: Columns,
-    scanned_z_m: NDArray[np.float64],
+    scanned_z_m: F64,
     floor_z_m: float,
     *,
-    ignore: NDArray[np.bool_],
-    structure: NDArray[np.bool_],
+    ignore: Mask,
+    structure: Mask,
     bump_width_m: float,
     bump_height_m: float,
     cover_m: float = COVER_M,
@@ -81,10 +81,9 @@ def gather_evidence(
     Args:
         scanned_z_m: (rows, columns) heights of the surely known floor, NaN elsewhere.
         floor_z_m: the level's median height.
-        ignore: (F,) faces that are no floor (labelled furniture).
-        structure: (F,) faces labelled as wall or window.
-        bump_width_m: narrower features are not part of the reference …
-        bump_height_m: … unless they deviate from it by more than this.
+        ignore, structure: (F,) faces that are no floor, and faces labelled as wall or window.
+        bump_width_m, bump_height_m: narrower features are not part of the reference, unless they
+            deviate from it by more.
         cover_m: a floor may deviate this far from the reference.
     """
     cell_m = columns.grid.cell_m
@@ -99,11 +98,12 @@ def gather_evidence(
     above = columns.z - everywhere.ravel()[columns.cell]
     wall, lintel = _walls(mesh, columns.grid, floor_z_m)
 
-    def any_in(low: float, high: float) -> NDArray[np.bool_]:
+    def any_in(low: float, high: float) -> Mask:
         hit = np.zeros(shape[0] * shape[1], dtype=bool)
         hit[columns.cell[(above > low) & (above < high)]] = True
         return hit.reshape(shape)
 
+    depths = slice_marks(mesh.vertices, mesh.faces, columns.grid, floor_z_m - DEPTHS_M)
     bare = ~any_in(-SLAB_M, -cover_m)
     sills = structure & (np.abs(mesh.normals[:, 2]) >= SILL_NORMAL_Z)
     return Evidence(
@@ -118,13 +118,11 @@ def gather_evidence(
         structure=_lowest(columns, above, cover_m, sills).reshape(shape) & ~any_in(cover_m, SILL_M),
         below=any_in(-np.inf, -SLAB_M) & bare,
         bare=bare,
-        sunk=_sunk(mesh, columns.grid, floor_z_m),
+        sunk=np.bitwise_count(depths) >= 2,
     )
 
 
-def _lowest(
-    columns: Columns, above_m: NDArray[np.float64], cover_m: float, chosen: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _lowest(columns: Columns, above_m: F64, cover_m: float, chosen: Mask) -> Mask:
     """Return (cells,) whether the lowest surface below head height is among the chosen faces."""
     over = (above_m > cover_m) & (above_m < OVERHEAD_M)
     cell = columns.cell[over]
@@ -136,20 +134,13 @@ def _lowest(
     return result
 
 
-def _walls(
-    mesh: WorldMesh, grid: GridSpec, floor_z_m: float
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _walls(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> tuple[Mask, Mask]:
     heights = np.concatenate([WALL_HEIGHTS_M, LINTEL_HEIGHTS_M]) + floor_z_m
     marks = slice_marks(mesh.vertices, mesh.faces, grid, heights)
     lower = np.uint32((1 << len(WALL_HEIGHTS_M)) - 1)
     tall = np.bitwise_count(marks & lower) >= WALL_SHARE * len(WALL_HEIGHTS_M)
     high = np.bitwise_count(marks & ~lower) >= 2
     return tall, high & ~tall
-
-
-def _sunk(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> NDArray[np.bool_]:
-    marks = slice_marks(mesh.vertices, mesh.faces, grid, floor_z_m - DEPTHS_M)
-    return np.bitwise_count(marks) >= 2
 
 
 @kernel()

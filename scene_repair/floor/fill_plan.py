@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I32, I64, Mask
 from ..grid.columns import Columns
-from ..grid.morphology import Mask, grow, label, nearest_in
+from ..grid.morphology import closing, grow, label, nearest_in
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_M, COVER_NORMAL_Z, Evidence
 from .holes import Hole, floors_run_under_walls
@@ -42,12 +41,12 @@ class FillPlan:
     fill: Mask
     leave: Mask
     target: Mask
-    height_m: NDArray[np.float64]
-    rooms: NDArray[np.int32]
-    floor_faces: NDArray[np.int64]
+    height_m: F64
+    rooms: I32
+    floor_faces: I64
 
     @property
-    def patch_height_m(self) -> NDArray[np.float64]:
+    def patch_height_m(self) -> F64:
         """Return heights for patches: beyond a step those of the nearest target cell."""
         if not self.target.any():
             return self.height_m
@@ -62,15 +61,11 @@ def plan_fill(
     *,
     holes: list[Hole],
     passable: Mask,
-    ignore: NDArray[np.bool_],
+    ignore: Mask,
 ) -> FillPlan:
     """Plan the repair of a level.
 
-    Args:
-        columns: samples of the mesh over the level's grid.
-        holes: judged gaps.
-        passable: (rows, columns) cells under lintels and bridged pieces of wall.
-        ignore: (F,) faces that are no floor.
+    `passable` (rows, columns) lies under lintels and bridged walls; `ignore` (F,) is no floor.
     """
     grid = columns.grid
     fill, leave = np.zeros((2, *grid.shape), dtype=bool)
@@ -78,9 +73,16 @@ def plan_fill(
         (fill if hole.fill else leave)[hole.window] |= hole.cells
     height_m = heights_everywhere(evidence, fill, grid)
     under = passable | evidence.wall if floors_run_under_walls(evidence, grid) else passable
-    fill = fill | _thin_gaps(fill, evidence.covered, under & ~grow(leave))
-    floor_faces = _floor_faces(mesh, height_m, grid, ignore)
-    floor_faces = _without_bridging(floor_faces, mesh, columns, height_m, fill)
+    # Next to filled cells with floor on both sides: a wardrobe's front, a doorway.
+    floor = np.pad(fill | evidence.covered, 4)
+    thin = closing(floor, (3, 3))[4:-4, 4:-4]
+    thin |= closing(floor, (7, 7))[4:-4, 4:-4] & under & ~grow(leave)
+    fill = fill | (thin & ~evidence.covered & grow(fill, 4))
+    # Faces that leave the floor's height between their corners lie over pits of a scan.
+    off = np.abs(columns.z - height_m.ravel()[columns.cell]) > COVER_M
+    off &= np.abs(mesh.normals[columns.face, 2]) < SLOPE_NORMAL_Z
+    bridging = columns.face[off & fill.ravel()[columns.cell]]
+    floor_faces = np.setdiff1d(_floor_faces(mesh, height_m, grid, ignore), bridging)
     floor = fill | evidence.covered
     cracked = _cracked(mesh, floor_faces, floor, grid)
     return FillPlan(
@@ -94,48 +96,17 @@ def plan_fill(
     )
 
 
-def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> NDArray[np.float64]:
+def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> F64:
     """Return reference heights: modelled in the `missing` cells, the nearest floor's elsewhere."""
     # Walls between a hole's parts and its rim take part, so that heights pass under them.
     missing = missing | evidence.wall & ~np.isfinite(evidence.reference_m) & grow(missing)
-    known = np.where(missing, np.nan, evidence.reference_m)
-    filled = fill_heights(known, missing, round(REACH_M / fine.cell_m))
-    have = np.isfinite(filled)
-    return filled[nearest_in(have)]
+    heights = np.where(missing, np.nan, evidence.reference_m)
+    filled = fill_heights(heights, missing, round(REACH_M / fine.cell_m))
+    finite = np.isfinite(filled)
+    return filled[nearest_in(finite)]
 
 
-def _thin_gaps(
-    fill: NDArray[np.bool_], covered: NDArray[np.bool_], passable: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Return cells next to filled ones with floor on both sides: a wardrobe's front, a doorway."""
-    floor = np.pad(fill | covered, 4)
-    thin = ndimage.binary_closing(floor, structure=np.ones((3, 3)))[4:-4, 4:-4]
-    doorway = ndimage.binary_closing(floor, structure=np.ones((7, 7)))[4:-4, 4:-4] & passable
-    return (thin | doorway) & ~covered & grow(fill, 4)
-
-
-def _without_bridging(
-    floor_faces: NDArray[np.int64],
-    mesh: WorldMesh,
-    columns: Columns,
-    height_m: NDArray[np.float64],
-    fill: NDArray[np.bool_],
-) -> NDArray[np.int64]:
-    """Leave out faces that leave the floor's height between their corners: over pits of a scan.
-
-    Args:
-        floor_faces: (n,) candidates.
-        height_m: (rows, columns) reference heights everywhere.
-        fill: (rows, columns) cells that are filled.
-    """
-    off = np.abs(columns.z - height_m.ravel()[columns.cell]) > COVER_M
-    off &= np.abs(mesh.normals[columns.face, 2]) < SLOPE_NORMAL_Z
-    return np.setdiff1d(floor_faces, columns.face[off & fill.ravel()[columns.cell]])
-
-
-def _floor_faces(
-    mesh: WorldMesh, height_m: NDArray[np.float64], fine: GridSpec, ignore: NDArray[np.bool_]
-) -> NDArray[np.int64]:
+def _floor_faces(mesh: WorldMesh, height_m: F64, fine: GridSpec, ignore: Mask) -> I64:
     """Return the faces all of whose corners lie at the reference height, upright ones apart."""
     z = mesh.vertices[:, 2]
     low, high = height_m.min() - COVER_M, height_m.max() + COVER_M
@@ -152,13 +123,8 @@ def _floor_faces(
     return chosen[(gap <= COVER_M).all(axis=1)]
 
 
-def _cracked(
-    mesh: WorldMesh, floor_faces: NDArray[np.int64], floor: NDArray[np.bool_], fine: GridSpec
-) -> NDArray[np.bool_]:
-    """Return cells well inside the floor through which its open edges run: pinholes, cracks, seams.
-
-    Most of these edges do meet a neighbour; the patch determines that from their outlines.
-    """
+def _cracked(mesh: WorldMesh, floor_faces: I64, floor: Mask, fine: GridSpec) -> Mask:
+    """Return cells well inside the floor through which open edges run; most meet a neighbour."""
     edges = face_outline(mesh.faces[floor_faces], mesh.normals[floor_faces, 2] > 0)
     if not len(edges):
         return np.zeros(fine.shape, dtype=bool)
@@ -170,30 +136,16 @@ def _cracked(
     return cells_at(points, fine) & ~grow(~floor)
 
 
-def _sloping(
-    evidence: Evidence,
-    floor_faces: NDArray[np.int64],
-    fill: NDArray[np.bool_],
-    fine: GridSpec,
-) -> NDArray[np.bool_]:
-    """Return cells at the rim of filled ones whose face is near the floor's height only in part.
-
-    Such a face slopes away beneath the patch or out of it; a patch that ended on it would leave a
-    slit above the slope.
-    """
+def _sloping(evidence: Evidence, floor_faces: I64, fill: Mask, fine: GridSpec) -> Mask:
+    """Return cells at the rim of filled ones whose face slopes away, which would show a slit."""
     part = evidence.covered & ~np.isin(evidence.face, floor_faces)
     if not (part.any() and fill.any()):
         return np.zeros(fine.shape, dtype=bool)
     return grow(fill, round(SLOPE_M / fine.cell_m), within=part | fill) & part
 
 
-def _rooms(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
-    """Return the number of the room that each cell lies in or is nearest to, from 1.
-
-    Args:
-        floor: (rows, columns) floor without what lies under walls and lintels.
-        fine: the cells.
-    """
+def _rooms(floor: Mask, fine: GridSpec) -> I32:
+    """Return the number of the room, from 1, that each cell lies in or is nearest to."""
     parts, count = label(floor)
     large = np.bincount(parts.ravel(), minlength=count + 1) * fine.cell_m**2 >= ROOM_M2
     large[0] = False
@@ -201,7 +153,7 @@ def _rooms(floor: NDArray[np.bool_], fine: GridSpec) -> NDArray[np.int32]:
     return parts[nearest_in(inside)] if inside.any() else np.ones(fine.shape, dtype=np.int32)
 
 
-def cells_at(points_xy_m: NDArray[np.float64], fine: GridSpec) -> NDArray[np.bool_]:
+def cells_at(points_xy_m: F64, fine: GridSpec) -> Mask:
     """Return cells in which any of the points (N, 2) lies."""
     cells = fine.cell_of(points_xy_m)
     cells = cells[fine.inside(cells)]

@@ -1,14 +1,14 @@
 """Flatten bumps, spikes and dents of a scanned floor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns
+from ..grid.height_field import heights_at
 from ..grid.morphology import grow, grown_window, label, windows
 from ..grid.world_mesh import WorldMesh
 from .evidence import Evidence
@@ -27,20 +27,12 @@ class Bump:
 
 
 def flatten_bumps(
-    mesh: WorldMesh,
-    columns: Columns,
-    evidence: Evidence,
-    height_m: NDArray[np.float64],
-    config: RepairConfig,
+    mesh: WorldMesh, columns: Columns, evidence: Evidence, height_m: F64, config: RepairConfig
 ) -> tuple[WorldMesh, list[Bump]]:
-    """Move the vertices of small bumps and dents onto the reference height.
+    """Move the vertices of small bumps and dents onto the reference height (rows, columns).
 
     A feature is small if it deviates by at most `bump_height_m`, is narrower than `bump_width_m`
     both ways and nothing stands on it.
-
-    Args:
-        columns: the scan's vertical samples over the fine grid.
-        height_m: (rows, columns) reference floor height everywhere.
     """
     grid = columns.grid
     deviation = np.where(evidence.covered, evidence.z_m - height_m, 0.0)
@@ -69,26 +61,20 @@ def flatten_bumps(
         return mesh, []
     # One cell more, so that the foot of a bump between cell centres comes along.
     press = grow(press)
-    return mesh.moved(_pressed(mesh, press, evidence, height_m, grid, config)), bumps
+    return _pressed(mesh, press, height_m, grid, config), bumps
 
 
 def _pressed(
-    mesh: WorldMesh,
-    press: NDArray[np.bool_],
-    evidence: Evidence,
-    height_m: NDArray[np.float64],
-    grid: GridSpec,
-    config: RepairConfig,
-) -> NDArray[np.float64]:
-    """Return vertex positions, those over flattened cells moved to the reference height."""
+    mesh: WorldMesh, press: Mask, height_m: F64, grid: GridSpec, config: RepairConfig
+) -> WorldMesh:
+    """Return the mesh with vertices over flattened cells moved to the reference height."""
     cell = grid.cell_of(mesh.vertices[:, :2])
     inside = grid.inside(cell)
-    chosen = np.zeros(len(mesh.vertices), dtype=bool)
-    chosen[inside] = press[tuple(cell[inside].T)]
-    index = np.flatnonzero(chosen)
-    position = (mesh.vertices[index, :2] - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
-    target = ndimage.map_coordinates(height_m, position[:, ::-1].T, order=1, mode="nearest")
+    flat = np.zeros(len(mesh.vertices), dtype=bool)
+    flat[inside] = press[tuple(cell[inside].T)]
+    index = np.flatnonzero(flat)
+    target = heights_at(height_m, grid, mesh.vertices[index, :2])
     near = np.abs(mesh.vertices[index, 2] - target) <= config.bump_height_m + 0.01
     vertices = mesh.vertices.copy()
     vertices[index[near], 2] = target[near]
-    return vertices
+    return replace(mesh, vertices=vertices)

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage, sparse
+from scipy import ndimage
 
 from ...formats.core.geometry import triangle_areas
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I64, Mask
 from ..grid.columns import Columns
-from ..grid.morphology import distance_to, grow
+from ..grid.morphology import distance_to, grow, grown_window, linked
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
 from .surfaces import STANDING_M, Surfaces, connected
@@ -52,18 +52,18 @@ class FloorParts:
         stairs: number of its group; surfaces of one group are joined by steps.
     """
 
-    area_m2: NDArray[np.float64]
-    standing_m2: NDArray[np.float64]
-    height_m: NDArray[np.float64]
-    above: NDArray[np.float64]
-    below: NDArray[np.float64]
-    pitch: NDArray[np.float64]
-    widest_m: NDArray[np.float64]
-    averted_share: NDArray[np.float64]
-    ceiled_share: NDArray[np.float64]
-    walled_share: NDArray[np.float64]
-    furniture: NDArray[np.bool_]
-    stairs: NDArray[np.int64]
+    area_m2: F64
+    standing_m2: F64
+    height_m: F64
+    above: F64
+    below: F64
+    pitch: F64
+    widest_m: F64
+    averted_share: F64
+    ceiled_share: F64
+    walled_share: F64
+    furniture: Mask
+    stairs: I64
 
     def why_no_floor(self, p: int, min_floor_m2: float) -> str:
         """Return why surface `p` is no floor, as the end of a sentence; empty if it is one."""
@@ -91,7 +91,7 @@ def measure_parts(
     grid, count = columns.grid, surfaces.parts
     cell_m2 = grid.cell_m**2
 
-    def share(selected: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def share(selected: Mask) -> F64:
         return np.bincount(surfaces.part, selected, count) / np.maximum(samples, 1)
 
     samples = np.bincount(surfaces.part, minlength=count)
@@ -105,27 +105,37 @@ def measure_parts(
     upper = np.uint32((1 << len(RISES_M)) - 1)
     area_m2 = (samples * cell_m2).astype(np.float64)
     height_m = np.asarray(height, dtype=np.float64)
+    order = np.argsort(surfaces.part, kind="stable")
+    ends = np.cumsum(samples)
+    row, column = np.divmod(surfaces.cell, grid.columns)
     for p in np.flatnonzero(standing_m2 >= min_floor_m2):
-        selected = surfaces.part == p
-        z = np.full(grid.rows * grid.columns, np.nan)
-        z[surfaces.cell[selected]] = surfaces.z_m[selected]
-        z = z.reshape(grid.shape)
+        selected = order[ends[p] - samples[p] : ends[p]]
+        i, j = row[selected], column[selected]
+        own = (slice(int(i.min()), int(i.max()) + 1), slice(int(j.min()), int(j.max()) + 1))
+        window = grown_window(own, reach + 1, grid.shape)
+        top, left = window[0].start, window[1].start
+        z = np.full((window[0].stop - top, window[1].stop - left), np.nan)
+        z[i - top, j - left] = surfaces.z_m[selected]
         pitch[p] = _pitch(z, grid)
-        there = np.isfinite(z)
-        widest[p] = float(distance_to(~np.pad(there, 1)).max()) * grid.cell_m
-        near = grow(there, reach)
+        surface = np.isfinite(z)
+        widest[p] = float(distance_to(~np.pad(surface, 1)).max()) * grid.cell_m
+        near = grow(surface, reach)
         heights = height_m[p] + np.concatenate([RISES_M, -RISES_M])
-        marks = slice_marks(mesh.vertices, walls, grid, heights)
+        marks = slice_marks(mesh.vertices, walls, grid, heights, window)
         above[p] = np.bitwise_count(marks[near] & upper).sum()
         below[p] = np.bitwise_count(marks[near] & ~upper).sum()
-        rim = grow(there) & ~there
+        rim = grow(surface) & ~surface
         walled[p] = grow((marks & upper) == upper, reach)[rim].mean() if rim.any() else 0.0
         rise = height_m[p] - height_m
         lower = (rise > FURNITURE_M[0]) & (rise < FURNITURE_M[1]) & (area_m2 > area_m2[p])
-        furniture[p] = area_m2[p] < PLATFORM_M2 and bool(
-            (near.ravel()[surfaces.cell] & lower[surfaces.part]).any()
-        )
-    down = (mesh.normals[:, 2] < 0) & (_volume(mesh) > 0)
+        if area_m2[p] < PLATFORM_M2 and lower.any():
+            under = np.zeros(grid.shape, dtype=bool)
+            under.ravel()[surfaces.cell[lower[surfaces.part]]] = True
+            furniture[p] = (near & under[window]).any()
+    corners = mesh.vertices[mesh.faces] - mesh.vertices[mesh.faces[:1, 0]]
+    # Positive if closed solids look outwards.
+    volume = np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    down = (mesh.normals[:, 2] < 0) & (volume > 0)
     return FloorParts(
         area_m2=area_m2,
         standing_m2=standing_m2.astype(np.float64),
@@ -142,32 +152,24 @@ def measure_parts(
     )
 
 
-def _pitch(z_m: NDArray[np.float64], grid: GridSpec) -> float:
+def _pitch(z_m: F64, grid: GridSpec) -> float:
     """Return the median slope of a surface (rows, columns) with NaN outside it."""
     run = max(1, round(PITCH_OVER_M / grid.cell_m))
     along = z_m[run:, :-run] - z_m[:-run, :-run]
     across = z_m[:-run, run:] - z_m[:-run, :-run]
     slope = np.hypot(along, across) / (run * grid.cell_m)
-    known = np.isfinite(slope)
-    return float(np.median(slope[known])) if known.any() else 0.0
+    finite = np.isfinite(slope)
+    return float(np.median(slope[finite])) if finite.any() else 0.0
 
 
-def _volume(mesh: WorldMesh) -> float:
-    """Return the signed volume of the mesh; positive if closed solids look outwards."""
-    corners = mesh.vertices[mesh.faces] - mesh.vertices[mesh.faces[:1, 0]]
-    return float(np.einsum("fi,fi->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])))
-
-
-def _stairs(surfaces: Surfaces, grid: GridSpec) -> NDArray[np.int64]:
+def _stairs(surfaces: Surfaces, grid: GridSpec) -> I64:
     """Return for each surface a number that surfaces joined by steps share."""
     open_ = surfaces.clear_m >= PASSAGE_M
     group = connected(surfaces.cell[open_], surfaces.z_m[open_], grid, TREAD_M)
     # Furniture divides what can be passed of a surface; the surface joins it again.
     pairs = np.stack([surfaces.part[open_], surfaces.parts + group])
     count = surfaces.parts + int(group.max(initial=-1)) + 1
-    links = sparse.coo_matrix((np.ones(pairs.shape[1], dtype=bool), pairs), shape=(count, count))
-    found: Any = sparse.csgraph.connected_components(links, directed=False)
-    return found[1][: surfaces.parts].astype(np.int64)
+    return linked(*pairs, count)[: surfaces.parts]
 
 
 def walls_begin_m(mesh: WorldMesh) -> float | None:

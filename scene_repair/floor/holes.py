@@ -3,11 +3,22 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import Mask
 from ..collide.free_space import places
-from ..grid.morphology import Mask, Window, distance_to, grow, grown_window, label, windows
+from ..grid.morphology import (
+    Window,
+    closing,
+    dilated,
+    distance_to,
+    eroded,
+    grow,
+    grown_window,
+    label,
+    opening,
+    windows,
+)
 from .causes import STAIRS_REACH_CELLS, WALL_THICKNESS_M, Surroundings, judge, look_around
 from .evidence import Evidence
 
@@ -26,13 +37,9 @@ UNDER_CEILING_REACH_M = 1.0
 
 @dataclass(frozen=True)
 class Hole:
-    """One connected gap.
+    """One connected gap, its likely cause and the area of the triangles that fill it.
 
-    Attributes:
-        cells: (rows, columns) bool over the level's fine grid, cropped to `window`.
-        window: where `cells` lies in the grid.
-        cause: what most likely made it.
-        added_m2: area of the triangles that fill it; they reach to the rim and to walls' faces.
+    `cells` lie in `window` of the fine grid; triangles reach to the rim and to walls' faces.
     """
 
     cells: Mask
@@ -48,11 +55,9 @@ class Hole:
 
 
 def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
-    """Return all gaps inside the building, each judged.
+    """Return all gaps inside the building, each judged, and what parts them without being a gap.
 
-    Returns:
-        The gaps, and the (rows, columns) cells under lintels and bridged pieces of wall, which part
-        gaps but are not gaps themselves.
+    The latter are (rows, columns) cells under lintels and bridged pieces of wall.
     """
     line = evidence.wall | evidence.lintel | _bridges(evidence, grid)
     gaps, outside = _gaps(evidence, line, grid)
@@ -77,9 +82,12 @@ def find_holes(evidence: Evidence, grid: GridSpec) -> tuple[list[Hole], Mask]:
         judged: list[Hole] = []
         # Twice: next to a gap that is filled lies floor.
         for _ in range(2):
-            filled = _filled(covered, holes + judged)
+            filled, openings = covered.copy(), np.zeros(grid.shape, dtype=bool)
+            for hole in holes + judged:
+                filled[hole.window] |= hole.cells & hole.fill
+                openings[hole.window] |= hole.cells & (hole.cause == "opening")
             floor = filled | (passable & grow(filled, 2))
-            openings = _openings(holes + judged, grid)
+            openings = grow(openings, STAIRS_REACH_CELLS) if openings.any() else openings
             rooms = filled & ~line
             around = Surroundings(evidence, grid, floor, line, rooms, outside, openings, joined)
             judged = [
@@ -100,26 +108,9 @@ def floors_run_under_walls(evidence: Evidence, grid: GridSpec) -> bool:
     wall = np.pad(evidence.wall, steps)
     between = np.zeros_like(wall)
     for size in ((1, steps), (steps, 1)):
-        between |= ndimage.binary_closing(wall, np.ones(size))
+        between |= closing(wall, size)
     between = (between & ~wall)[steps:-steps, steps:-steps] & ~evidence.furniture
     return bool(between.any() and evidence.covered[between].mean() > FLOORED_WALLS_SHARE)
-
-
-def _filled(covered: Mask, holes: list[Hole]) -> Mask:
-    """Return the floor with the gaps that are to be filled."""
-    floor = covered.copy()
-    for hole in holes:
-        floor[hole.window] |= hole.cells & hole.fill
-    return floor
-
-
-def _openings(holes: list[Hole], grid: GridSpec) -> Mask:
-    """Return the gaps that are openings, and a little around them."""
-    found = np.zeros(grid.shape, dtype=bool)
-    for hole in holes:
-        if hole.cause == "opening":
-            found[hole.window] |= hole.cells
-    return grow(found, STAIRS_REACH_CELLS) if found.any() else found
 
 
 def _joined(evidence: Evidence, gaps: Mask, grid: GridSpec) -> Mask:
@@ -142,19 +133,15 @@ def _bridges(evidence: Evidence, grid: GridSpec) -> Mask:
     for turn in (False, True):
         along = line.T if turn else line
         # Scanned walls waver by a cell; widened for the search, the bridge is thinned again.
-        wide = np.pad(ndimage.binary_dilation(along, np.ones((3, 1))), steps)
-        straight = ndimage.binary_opening(wide, np.ones((1, run)))
-        closed = ndimage.binary_closing(straight, np.ones((1, steps)))
-        thin = ndimage.binary_erosion(closed, np.ones((3, 1)))[steps:-steps, steps:-steps]
+        wide = np.pad(dilated(along, (3, 1)), steps)
+        closed = closing(opening(wide, (1, run)), (1, steps))
+        thin = eroded(closed, (3, 1))[steps:-steps, steps:-steps]
         bridged |= thin.T if turn else thin
     return bridged & ~evidence.covered
 
 
 def _gaps(evidence: Evidence, line: Mask, grid: GridSpec) -> tuple[Mask, Mask]:
-    """Return the cells without floor inside the building's outline, walls apart.
-
-    And the outside.
-    """
+    """Return the cells without floor inside the building's outline, without walls; the outside."""
     empty = ~evidence.covered & ~line
     radius = OUTSIDE_RADIUS_M / grid.cell_m
     pad = int(np.ceil(radius)) + 2

@@ -3,17 +3,18 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I32
 from ..grid.morphology import distance_to, label
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
 from ..orient.bounds import robust_bounds
 from ..scan.record import DEFAULT_COLOR, Scan, ScanMaterial, ScanObject
 from .evidence import LINTEL_HEIGHTS_M, WALL_HEIGHTS_M
+from .outline import cell_squares
 
 CELL_M = 0.05
 # The outside is what a disc of this radius reaches from beyond the walls; doors keep it out.
@@ -21,12 +22,8 @@ OUTSIDE_RADIUS_M = 0.75
 MARGIN_M = 2.0
 
 
-def with_floor(scan: Scan, source_to_world: NDArray[np.float64], height_m: float) -> Scan:
-    """Return the scan with a level floor inside its walls.
-
-    Args:
-        source_to_world: (4, 4) similarity of the scan's coordinates.
-        height_m: world height of the floor.
+def with_floor(scan: Scan, source_to_world: F64, height_m: float) -> Scan:
+    """Return the scan with a level floor inside its walls at the world height `height_m`.
 
     Raises:
         SceneError: walls enclose nothing at that height.
@@ -47,12 +44,14 @@ def with_floor(scan: Scan, source_to_world: NDArray[np.float64], height_m: float
         )
     # Under the walls, too, so that rooms join at doors and no slit stays open at their feet.
     tiles = ndimage.binary_closing(inside | wall, iterations=2) & ~outside
-    world, faces = _tiles(tiles, grid, height_m)
+    nodes, faces = cell_squares(tiles)
+    xy = nodes[:, ::-1] * grid.cell_m + grid.origin_xy_m
+    world = np.column_stack([xy, np.full(len(xy), height_m)])
     inverse = np.linalg.inv(source_to_world)
     points = world @ inverse[:3, :3].T + inverse[:3, 3]
     count = len(faces)
 
-    def grown(values: NDArray[np.int32], number: int) -> NDArray[np.int32]:
+    def grown(values: I32, number: int) -> I32:
         return np.append(values, np.full(count, number, dtype=np.int32))
 
     return replace(
@@ -70,19 +69,3 @@ def with_floor(scan: Scan, source_to_world: NDArray[np.float64], height_m: float
             f"--floor: {inside.sum() * CELL_M**2:.1f} m² laid at {height_m:.2f} m inside the walls",
         ),
     )
-
-
-def _tiles(
-    cells: NDArray[np.bool_], grid: GridSpec, z_m: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return vertices (V, 3) and upward faces (F, 3) over cells; neighbours share corners."""
-    i, j = np.nonzero(cells)
-    columns = cells.shape[1] + 1
-    corner = np.stack([i * columns + j, i * columns + j + 1], axis=1)
-    quad = np.concatenate([corner, corner[:, ::-1] + columns], axis=1)
-    used, index = np.unique(quad, return_inverse=True)
-    index = index.reshape(-1, 4)
-    xy = np.stack([used % columns, used // columns], axis=1) * grid.cell_m + grid.origin_xy_m
-    points = np.column_stack([xy, np.full(len(used), z_m)])
-    faces = np.concatenate([index[:, [0, 1, 2]], index[:, [0, 2, 3]]])
-    return points.astype(np.float64), faces.astype(np.int64)

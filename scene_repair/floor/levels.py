@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns
 from ..grid.world_mesh import WorldMesh
@@ -18,6 +18,8 @@ from .surfaces import STANDING_M, Surfaces
 STOREY_M = 1.5
 # What has a ceiling or walls along this share is inside. The lowest storey needs neither.
 INSIDE_SHARE = 0.3
+# What is narrower than a disc of this radius and not walled in along this share is a shelf.
+SHELF_M, CORRIDOR_SHARE = 0.75, 0.7
 # A parapet is this much of the walls under a roof.
 PARAPET_SHARE = 0.2
 # The winding of faces is trusted if this share of the floor agrees.
@@ -32,16 +34,10 @@ SHOWN = 3
 
 @dataclass(frozen=True)
 class ScannedFloor:
-    """The floor of one storey as it was scanned.
-
-    Attributes:
-        grid: fine cells.
-        z_m: (rows, columns) float64 world height, NaN where no floor was scanned.
-        floor_z_m: median height.
-    """
+    """The floor of one storey as scanned: heights (rows, columns), NaN = none; their median."""
 
     grid: GridSpec
-    z_m: NDArray[np.float64]
+    z_m: F64
     floor_z_m: float
 
 
@@ -75,21 +71,27 @@ def find_levels(
         else:
             storeys.append([p])
     levels = [_floor_of(storey, surfaces, parts, columns.grid) for storey in storeys]
+    shelves = {p for p in roofs if _shelf(p, parts)}
     notes = [
         f"{parts.standing_m2[p]:.1f} m² at {parts.height_m[p]:.2f} m are taken for a roof: neither "
         "walls nor a ceiling stand over them, and no stairs lead there; --allow-roof makes them a "
         "level"
-        for p in sorted(roofs, key=lambda p: parts.height_m[p])
+        for p in sorted(roofs - shelves, key=lambda p: parts.height_m[p])
     ]
+    if shelves:
+        area = sum(parts.standing_m2[p] for p in shelves)
+        notes.append(
+            f"{area:.1f} m² are taken for shelves ({len(shelves)}): narrow, not walled in, and no "
+            "stairs lead there; --allow-roof makes them levels"
+        )
     return sorted(levels, key=lambda level: level.floor_z_m), notes
 
 
 def _ceilings_and_roofs(floors: list[int], parts: FloorParts) -> tuple[set[int], set[int]]:
     """Return the surfaces among `floors` that no stairs lead to and that are no floors.
 
-    Returns:
-        Those that only have walls under them; and those above the lowest storey that are under the
-        open sky and without walls, or have no more than a parapet.
+    Ceilings only have walls under them. Roofs lie above the lowest storey under the open sky and
+    without walls, have no more than a parapet, or are as narrow as shelves.
     """
     inside = [p for p in floors if not parts.over_walls(p)]
     lowest = min((parts.height_m[p] for p in inside), default=0.0) + STOREY_M
@@ -97,7 +99,10 @@ def _ceilings_and_roofs(floors: list[int], parts: FloorParts) -> tuple[set[int],
         p
         for p in inside
         if parts.height_m[p] < lowest
-        or max(parts.ceiled_share[p], parts.walled_share[p]) >= INSIDE_SHARE
+        or (
+            max(parts.ceiled_share[p], parts.walled_share[p]) >= INSIDE_SHARE
+            and not _shelf(p, parts)
+        )
     }
     reached = {int(parts.stairs[p]) for p in sure}
     others = {p for p in floors if p not in sure and int(parts.stairs[p]) not in reached}
@@ -106,10 +111,14 @@ def _ceilings_and_roofs(floors: list[int], parts: FloorParts) -> tuple[set[int],
     return ceilings - parapets, (others - ceilings) | parapets
 
 
+def _shelf(p: int, parts: FloorParts) -> bool:
+    return bool(parts.widest_m[p] < SHELF_M and parts.walled_share[p] < CORRIDOR_SHARE)
+
+
 def _no_floor(parts: FloorParts, reasons: list[str], mesh: WorldMesh) -> str:
     """Return what is wrong with the largest level surfaces, and what may help."""
     largest = [p for p in np.argsort(-parts.area_m2, kind="stable") if parts.area_m2[p] >= 0.01]
-    found = [
+    reasons_of_largest = [
         f"{parts.area_m2[p]:.2f} m² at {parts.height_m[p]:.2f} m {reasons[p]}"
         for p in largest[:SHOWN]
     ]
@@ -121,7 +130,7 @@ def _no_floor(parts: FloorParts, reasons: list[str], mesh: WorldMesh) -> str:
         f"{begin:.2f}; "
     )
     return (
-        f"no floor found ({'; '.join(found) or 'no level surface'}; a floor needs "
+        f"no floor found ({'; '.join(reasons_of_largest) or 'no level surface'}; a floor needs "
         f"{STANDING_M} m of free height): {own}set --up or --unit if the scan is turned or scaled "
         "wrongly"
     )
@@ -146,9 +155,7 @@ def _floor_of(
     return ScannedFloor(grid, z, float(np.nanmedian(z)))
 
 
-def averted_faces(
-    floors: list[ScannedFloor], columns: Columns, normal_z: NDArray[np.float64]
-) -> NDArray[np.bool_]:
+def averted_faces(floors: list[ScannedFloor], columns: Columns, normal_z: F64) -> Mask:
     """Return (F,) faces wound opposite to the floors: undersides of walls and furniture.
 
     None, if the floors' faces have inconsistent winding. A floor with a ceiling in its plane has no
@@ -168,9 +175,7 @@ def averted_faces(
     return np.zeros(len(normal_z), dtype=bool)
 
 
-def ceilings_in_floors(
-    floors: list[ScannedFloor], columns: Columns, averted: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def ceilings_in_floors(floors: list[ScannedFloor], columns: Columns, averted: Mask) -> Mask:
     """Return (F,) averted faces in the plane of a floor, which may be seen in its place."""
     ceilings = np.zeros(len(averted), dtype=bool)
     for floor in floors:
@@ -181,9 +186,7 @@ def ceilings_in_floors(
     return ceilings
 
 
-def _sides(
-    floor: ScannedFloor, columns: Columns, upward: NDArray[np.bool_]
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_], NDArray[np.bool_]]:
+def _sides(floor: ScannedFloor, columns: Columns, upward: Mask) -> tuple[Mask, Mask, Mask]:
     """Return which hits lie in a floor's plane, and which cells have one of each side there."""
     cells = len(columns.start) - 1
     near = np.abs(columns.z - floor.z_m.ravel()[columns.cell]) < COPLANAR_M
@@ -194,6 +197,6 @@ def _sides(
     return near, some_up, some_down
 
 
-def _doubled(some_up: NDArray[np.bool_], some_down: NDArray[np.bool_]) -> bool:
+def _doubled(some_up: Mask, some_down: Mask) -> bool:
     """Return whether most of a floor has a ceiling in its plane."""
     return bool((some_up != some_down).sum() < (some_up & some_down).sum())

@@ -1,12 +1,13 @@
 """Trace outlines of faces and cells as closed polygons that keep the vertices exactly."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I64, Mask
+from ..grid.morphology import Window
 
 
-def trace_loops(edges: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+def trace_loops(edges: I64) -> list[I64]:
     """Chain directed edges (E, 2), balanced at each vertex, into closed loops of vertex ids."""
     following: dict[int, list[int]] = {}
     for a, b in edges.tolist():
@@ -14,30 +15,27 @@ def trace_loops(edges: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     loops = []
     while following:
         first = next(iter(following))
-        loop, here = [], first
+        loop, vertex = [], first
         while True:
-            loop.append(here)
-            options = following[here]
+            loop.append(vertex)
+            options = following[vertex]
             ahead = options.pop()
             if not options:
-                del following[here]
-            here = ahead
-            if here == first:
+                del following[vertex]
+            vertex = ahead
+            if vertex == first:
                 break
         if len(loop) >= 3:
             loops.append(np.array(loop, dtype=np.int64))
     return loops
 
 
-def face_outline(faces: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return the directed border edges (E, 2) of faces seen from above.
+def face_outline(faces: I64, signed: Mask) -> I64:
+    """Return the directed border edges (E, 2) of faces (F, 3) seen from above.
 
-    Args:
-        faces: (F, 3).
-        signed: (F,) whether the projected face runs counter-clockwise; others are turned round.
-
-    Edges shared by two faces cancel; what remains encloses each face's area exactly once, also
-    where faces overlap, if polygons are filled by winding number.
+    `signed` (F,) says which run counter-clockwise; others are turned round. Edges shared by two
+    faces cancel; what remains encloses each face's area exactly once, also where faces overlap, if
+    polygons are filled by winding number.
     """
     turned = np.where(signed[:, None], faces, faces[:, ::-1])
     edges = np.concatenate([turned[:, [0, 1]], turned[:, [1, 2]], turned[:, [2, 0]]])
@@ -53,23 +51,29 @@ def face_outline(faces: NDArray[np.int64], signed: NDArray[np.bool_]) -> NDArray
     return np.concatenate([forward, backward])
 
 
+def cell_squares(cells: Mask) -> tuple[I64, I64]:
+    """Return the nodes (N, 2), row and column, of true cells, and triangles (T, 3) over them."""
+    i, j = np.nonzero(cells)
+    width = cells.shape[1] + 1
+    base = i * width + j
+    quads = np.stack([base, base + 1, base + width + 1, base + width], axis=1)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+    used, inverse = np.unique(triangles, return_inverse=True)
+    return np.stack([used // width, used % width], axis=1), inverse.reshape(-1, 3).astype(np.int64)
+
+
 def cell_polygons(
-    cells: NDArray[np.bool_],
-    window: tuple[slice, slice],
-    grid: GridSpec,
-    keep_straight: bool = False,
-) -> list[NDArray[np.float64]]:
+    cells: Mask, grid: GridSpec, window: Window | None = None, keep_straight: bool = False
+) -> list[F64]:
     """Return world polygons (n, 2) around the true cells; outer ones counter-clockwise.
 
-    Args:
-        cells: crop of a map over `grid`.
-        window: where the crop lies.
-        keep_straight: keep a vertex at every grid node, also along straight runs.
+    `cells` is the crop of a map over `grid` at `window`. If `keep_straight`, there is a vertex at
+    every grid node, also along straight runs.
     """
     padded = np.pad(cells, 1)
     columns = padded.shape[1] + 1
 
-    def node(i: NDArray[np.int64], j: NDArray[np.int64]) -> NDArray[np.int64]:
+    def node(i: I64, j: I64) -> I64:
         return i * columns + j
 
     edges = []
@@ -90,7 +94,7 @@ def cell_polygons(
         straight = np.all(np.isclose(ij - before, after - ij), axis=1)
         if not keep_straight:
             ij = ij[~straight]
-        corner = np.array([window[0].start - 1, window[1].start - 1])
+        corner = np.array([w.start for w in window] if window else [0, 0]) - 1
         xy = (ij + corner)[:, ::-1] * grid.cell_m + np.asarray(grid.origin_xy_m)
         polygons.append(xy)
     return polygons

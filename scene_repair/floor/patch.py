@@ -5,15 +5,15 @@ from typing import Any
 
 import manifold3d
 import numpy as np
-from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial import KDTree
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I64, Mask
+from ..grid.height_field import heights_at
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_NORMAL_Z
-from .outline import cell_polygons, face_outline, trace_loops
-from .patch_region import Region, Tiles
+from .outline import cell_polygons, cell_squares, face_outline, trace_loops
+from .patch_region import Rectangles
 from .reference import STEP_M
 
 # Inner vertices of a patch stand this far apart, so that it can follow a floor that is not plane.
@@ -27,51 +27,43 @@ MIN_PIECE_M2, MIN_WIDTH_M = 1e-6, 2e-4
 
 @dataclass(frozen=True)
 class Patch:
-    """New floor, to be appended to a mesh.
+    """New floor: `vertices` (N, 3) [m]; `faces` (T, 3) index the mesh's vertices, then these.
 
-    Attributes:
-        vertices: (N, 3) new vertices [m].
-        faces: (T, 3) indices into the joint array: the mesh's vertices first, then `vertices`.
-        pieces: its connected pieces, each as outer and inner rings (n, 2) [m].
-        area_m2: horizontal area of each piece.
+    Its connected pieces are outer and inner rings (n, 2) [m], with a horizontal area each.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    pieces: list[list[NDArray[np.float64]]]
+    vertices: F64
+    faces: I64
+    pieces: list[list[F64]]
     area_m2: list[float]
 
 
 def build_patch(
     mesh: WorldMesh,
-    floor_faces: NDArray[np.int64],
-    region: list[Region],
-    height_m: NDArray[np.float64],
+    floor_faces: I64,
+    region: list[tuple[Mask, GridSpec]],
+    height_m: F64,
     grid: GridSpec,
 ) -> Patch:
     """Close the regions by patches that end at the outline of the floor.
 
-    Args:
-        floor_faces: (n,) faces that count as floor.
-        region: what is to be covered.
-        height_m: (rows, columns) height for new vertices.
-        grid: cells of `height_m`.
+    `floor_faces` are (n,) faces that count as floor; `height_m` (rows, columns) over `grid` is the
+    height of new vertices.
     """
     flat = floor_faces[np.abs(mesh.normals[floor_faces, 2]) >= COVER_NORMAL_Z]
-    corners = mesh.vertices[mesh.faces[flat], :2]
-    tiles = Tiles(corners.min(axis=1), corners.max(axis=1))
+    bounds = Rectangles.around(mesh.vertices[mesh.faces[flat], :2])
     builder = _Builder(mesh, height_m, grid)
-    pieces: list[list[NDArray[np.float64]]] = []
+    pieces: list[list[F64]] = []
     areas: list[float] = []
-    for part in region:
-        near = flat[tiles.near(*part.bounds_m())]
+    for cells, local in region:
+        near = flat[bounds.near(local)]
         rim = face_outline(mesh.faces[near], mesh.normals[near, 2] > 0)
-        wanted = _cross_section(part.polygons_m())
+        target = _cross_section(cell_polygons(cells, local))
         loops = [mesh.vertices[loop, :2] for loop in trace_loops(rim)]
         if loops:
-            wanted = wanted - _cross_section(loops)
+            target = target - _cross_section(loops)
         builder.start(rim)
-        for piece in wanted.decompose():
+        for piece in target.decompose():
             # Slivers of rounding along edges that fit already are not gaps.
             if piece.area() < MIN_PIECE_M2 or piece.offset(-MIN_WIDTH_M / 2).is_empty():
                 continue
@@ -82,12 +74,12 @@ def build_patch(
     return Patch(vertices, triangles, pieces, areas)
 
 
-def _cross_section(polygons: list[NDArray[np.float64]]) -> manifold3d.CrossSection:
+def _cross_section(polygons: list[F64]) -> manifold3d.CrossSection:
     rings: Any = [np.ascontiguousarray(p) for p in polygons]
     return manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
 
 
-def _rings(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
+def _rings(section: manifold3d.CrossSection) -> list[F64]:
     rings: Any = section.to_polygons()
     return rings
 
@@ -95,18 +87,20 @@ def _rings(section: manifold3d.CrossSection) -> list[NDArray[np.float64]]:
 class _Builder:
     """Collects triangles; rim points become the mesh's own vertices."""
 
-    def __init__(self, mesh: WorldMesh, height_m: NDArray[np.float64], grid: GridSpec):
+    def __init__(self, mesh: WorldMesh, height_m: F64, grid: GridSpec):
         self.mesh, self.height_m, self.grid = mesh, height_m, grid
-        self.vertices: list[NDArray[np.float64]] = []
-        self.faces: list[NDArray[np.int64]] = []
+        self.vertices: list[F64] = []
+        self.faces: list[I64] = []
         self.count = len(mesh.vertices)
         self.start(np.empty((0, 2), dtype=np.int64))
 
-    def start(self, rim: NDArray[np.int64]) -> None:
+    def start(self, rim: I64) -> None:
         """Begin a region whose surrounding floor has the border edges `rim` (E, 2)."""
         # At a step two floors have their rims in one place; the patch joins one of them.
         corner = self.mesh.vertices[rim]
-        level = self._level(corner[..., :2].reshape(-1, 2)).reshape(rim.shape)
+        level = heights_at(self.height_m, self.grid, corner[..., :2].reshape(-1, 2)).reshape(
+            rim.shape
+        )
         self.rim = rim[(np.abs(corner[..., 2] - level) <= STEP_M).all(axis=1)]
         self.rim_vertices = np.unique(self.rim)
         points = self.mesh.vertices[self.rim_vertices, :2]
@@ -119,15 +113,15 @@ class _Builder:
         """
         outline, squares, nodes = _inner_squares(piece)
         rings = [self._with_rim_vertices(ring) for ring in _rings(piece)]
-        if np.ptp(self._level(np.concatenate(rings))) > STEP_M:
+        if np.ptp(heights_at(self.height_m, self.grid, np.concatenate(rings))) > STEP_M:
             # Or a triangle with a corner at a step would carry its slope far along the border.
             rings = [_dense(ring) for ring in rings]
         # What the squares cover is cut out: their outlines run the other way round.
         rings += [ring[::-1] for ring in outline]
         points = np.concatenate(rings)
         polygons: Any = [np.ascontiguousarray(ring) for ring in rings]
-        found: Any = manifold3d.triangulate(polygons)
-        triangles = np.concatenate([np.asarray(found, dtype=np.int64), squares + len(points)])
+        border: Any = manifold3d.triangulate(polygons)
+        triangles = np.concatenate([np.asarray(border, dtype=np.int64), squares + len(points)])
         joined = self._ids(np.concatenate([points, nodes]))[triangles]
         proper = (
             (joined[:, 0] != joined[:, 1])
@@ -136,14 +130,14 @@ class _Builder:
         )
         self.faces.append(joined[proper])
 
-    def result(self) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def result(self) -> tuple[F64, I64]:
         """Return new vertices and all faces."""
         if not self.faces:
             return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
         vertices = np.concatenate(self.vertices) if self.vertices else np.empty((0, 3))
         return vertices, np.concatenate(self.faces)
 
-    def _with_rim_vertices(self, polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _with_rim_vertices(self, polygon: F64) -> F64:
         """Insert rim vertices that lie on a polygon's edges, so that no T-junction opens."""
         if self.tree is None:
             return polygon
@@ -168,13 +162,13 @@ class _Builder:
                 parts.append(inserted[distinct])
         return np.concatenate(parts)
 
-    def _ids(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _ids(self, points: F64) -> I64:
         """Return vertex ids of 2-D points: the rim's own where they coincide, else new ones."""
         ids = np.full(len(points), -1, dtype=np.int64)
         if self.tree is not None:
             nearest: Any = self.tree.query(points, distance_upper_bound=SAME_M)
-            found = np.isfinite(nearest[0])
-            ids[found] = self.rim_vertices[nearest[1][found]]
+            same = np.isfinite(nearest[0])
+            ids[same] = self.rim_vertices[nearest[1][same]]
         new = ids < 0
         unique, inverse = np.unique(np.round(points[new], 8), axis=0, return_inverse=True)
         if len(unique):
@@ -184,14 +178,9 @@ class _Builder:
             self.count += len(unique)
         return ids
 
-    def _level(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the reference height."""
-        position = (xy - np.asarray(self.grid.origin_xy_m)) / self.grid.cell_m - 0.5
-        return ndimage.map_coordinates(self.height_m, position[:, ::-1].T, order=1, mode="nearest")
-
-    def _height(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _height(self, xy: F64) -> F64:
         """Return heights of new vertices: on a rim edge the edge's, else the reference's."""
-        z = self._level(xy)
+        z = heights_at(self.height_m, self.grid, xy)
         if not len(self.rim):
             return z
         a = self.mesh.vertices[self.rim[:, 0]]
@@ -213,7 +202,7 @@ class _Builder:
         return z
 
 
-def _dense(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
+def _dense(polygon: F64) -> F64:
     """Subdivide a polygon to edges of at most `BORDER_M`."""
     ahead = np.roll(polygon, -1, axis=0)
     steps = np.ceil(np.linalg.norm(ahead - polygon, axis=1) / BORDER_M).astype(int).clip(1)
@@ -224,13 +213,10 @@ def _dense(polygon: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.concatenate(parts)
 
 
-def _inner_squares(
-    piece: manifold3d.CrossSection,
-) -> tuple[list[NDArray[np.float64]], NDArray[np.int64], NDArray[np.float64]]:
+def _inner_squares(piece: manifold3d.CrossSection) -> tuple[list[F64], I64, F64]:
     """Return the squares of a coarse grid well inside a piece.
 
-    Returns:
-        Their outlines with a vertex at every node, triangles (T, 3), and nodes (N, 2) [m].
+    These are outlines with a vertex at every node, triangles (T, 3), and nodes (N, 2) [m].
     """
     nothing = [], np.empty((0, 3), dtype=np.int64), np.empty((0, 2))
     # More than half a square's diagonal away from the border, so that a square whose corners are
@@ -252,24 +238,12 @@ def _inner_squares(
         cells[:-1, a] &= ~pinch
     if not cells.any():
         return nothing
-    width = grid.columns + 1
-    i, j = np.nonzero(cells)
-    base = i * width + j
-    triangles = np.concatenate(
-        [
-            np.stack([base, base + 1, base + width + 1], axis=1),
-            np.stack([base, base + width + 1, base + width], axis=1),
-        ]
-    )
-    used, inverse = np.unique(triangles, return_inverse=True)
-    ij = np.stack([used // width, used % width], axis=1)
-    nodes = grid.center_of(ij - 0.5)
-    whole = (slice(0, grid.rows), slice(0, grid.columns))
-    outline = cell_polygons(cells, whole, grid, keep_straight=True)
-    return outline, inverse.reshape(triangles.shape).astype(np.int64), nodes
+    nodes, triangles = cell_squares(cells)
+    outline = cell_polygons(cells, grid, keep_straight=True)
+    return outline, triangles, grid.center_of(nodes - 0.5)
 
 
-def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> NDArray[np.bool_]:
+def _points_inside(section: manifold3d.CrossSection, grid: GridSpec) -> Mask:
     """Return which cell centres of `grid` lie inside, by the even-odd rule along each row."""
     inside = np.zeros(grid.shape, dtype=bool)
     rows = grid.center_of(np.stack([np.arange(grid.rows), np.zeros(grid.rows)], axis=1))[:, 1]

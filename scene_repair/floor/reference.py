@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 
-from ..grid.morphology import distance_to, grow, grown_window, label, nearest_in, windows
-from .height_field import extend
+from ..arrays import F64, I64, Mask
+from ..grid.height_field import extend
+from ..grid.morphology import distance_to, grow, grown_window, label, linked, nearest_in, windows
 
 # Heights around a hole that differ by more, with none between, are two floors with a step between.
 STEP_M = 0.06
@@ -18,9 +18,7 @@ LEVEL_M, LEVEL_SHARE = 0.01, 0.4
 PIT_M2 = 0.1
 
 
-def remove_narrow(
-    z_m: NDArray[np.float64], cell_m: float, width_m: float, height_m: float
-) -> NDArray[np.float64]:
+def remove_narrow(z_m: F64, cell_m: float, width_m: float, height_m: float) -> F64:
     """Remove bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
 
     Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
@@ -38,30 +36,25 @@ def remove_narrow(
     return np.where(real[parts], z_m, np.where(np.isfinite(z_m), closed, np.nan))
 
 
-def without_pits(z_m: NDArray[np.float64], cell_m: float) -> NDArray[np.float64]:
+def without_pits(z_m: F64, cell_m: float) -> F64:
     """Remove small pieces that a step separates from the larger floor nearest to them.
 
     Pits and blisters of a scan, where it closed a surface over what it had not seen.
     """
     cell = np.arange(z_m.size).reshape(z_m.shape)
     pairs = []
-    for here, there in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
-        level = np.abs(z_m[here] - z_m[there]) < LEVEL_M
-        pairs.append(np.stack([cell[here][level], cell[there][level]]))
-    a, b = np.concatenate(pairs, axis=1)
-    links = sparse.coo_matrix((np.ones(len(a), dtype=bool), (a, b)), shape=(z_m.size, z_m.size))
-    found: Any = sparse.csgraph.connected_components(links, directed=False)
-    known = np.isfinite(z_m)
-    large = known & (np.bincount(found[1])[found[1]].reshape(z_m.shape) * cell_m**2 >= PIT_M2)
+    for own, beside in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
+        level = np.abs(z_m[own] - z_m[beside]) < LEVEL_M
+        pairs.append(np.stack([cell[own][level], cell[beside][level]]))
+    group = linked(*np.concatenate(pairs, axis=1), z_m.size).reshape(z_m.shape)
+    large = np.isfinite(z_m) & (np.bincount(group.ravel())[group] * cell_m**2 >= PIT_M2)
     if not large.any():
         return z_m
     nearby = z_m[nearest_in(large)]
     return np.where(large | (np.abs(z_m - nearby) < STEP_M), z_m, np.nan)
 
 
-def fill_heights(
-    z_m: NDArray[np.float64], missing: NDArray[np.bool_], reach: int
-) -> NDArray[np.float64]:
+def fill_heights(z_m: F64, missing: Mask, reach: int) -> F64:
     """Continue the known heights into the `missing` cells; other cells are unchanged.
 
     Per connected region a plane is fitted to the known cells within `reach` cells around it (a
@@ -75,33 +68,31 @@ def fill_heights(
         mask = region[grown] == k
         z = z_m[grown]
         near = distance_to(mask) <= reach
-        known = near & np.isfinite(z) & ~mask
-        if not known.any():
+        scanned = near & np.isfinite(z) & ~mask
+        if not scanned.any():
             continue
-        known &= _alike(z, known, mask)
-        plane = _plane(z, known)
-        inside = _spread(np.where(known, z - plane, np.nan), mask)
+        scanned &= _alike(z, scanned, mask)
+        plane = _plane(z, scanned)
+        inside = _spread(np.where(scanned, z - plane, np.nan), mask)
         result[grown][mask] = (plane + inside)[mask]
     return result
 
 
-def _alike(
-    z: NDArray[np.float64], known: NDArray[np.bool_], mask: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
+def _alike(z: F64, scanned: Mask, mask: Mask) -> Mask:
     """Return which heights belong to the floor along most of the rim, not beyond a step."""
-    rim = known & grow(mask)
+    rim = scanned & grow(mask)
     if not rim.any():
-        return known
+        return scanned
     heights = np.sort(z[rim])
     parts = np.split(heights, np.flatnonzero(np.diff(heights) > STEP_M) + 1)
     floor = max(parts, key=len)
     return (z >= floor[0] - STEP_M) & (z <= floor[-1] + STEP_M)
 
 
-def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _plane(z: F64, scanned: Mask) -> F64:
     """Fit a robust plane to the window: reweighted least squares; level if the slope is slight."""
-    i, j = np.nonzero(known)
-    values = z[known]
+    i, j = np.nonzero(scanned)
+    values = z[scanned]
     centre = np.array([i.mean(), j.mean()])
     design = np.stack([i - centre[0], j - centre[1], np.ones(len(i))], axis=1)
     weight = np.ones(len(i))
@@ -129,7 +120,7 @@ def _plane(z: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float
     )
 
 
-def _spread(remainder: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _spread(remainder: F64, mask: Mask) -> F64:
     """Solve Laplace's equation in `mask` with the known remainder around it as boundary values."""
     index = np.full(mask.shape, -1)
     count = int(mask.sum())
@@ -137,21 +128,21 @@ def _spread(remainder: NDArray[np.float64], mask: NDArray[np.bool_]) -> NDArray[
     # A weak pull to zero keeps cells without any known neighbour defined.
     diagonal = np.full(count, 1e-6)
     right = np.zeros(count)
-    rows: list[NDArray[np.int64]] = []
-    columns: list[NDArray[np.int64]] = []
+    rows: list[I64] = []
+    columns: list[I64] = []
     for di, dj in ((0, 1), (0, -1), (1, 0), (-1, 0)):
         i, j = np.nonzero(mask)
         ni, nj = i + di, j + dj
         valid = (ni >= 0) & (nj >= 0) & (ni < mask.shape[0]) & (nj < mask.shape[1])
-        here, ni, nj = index[i, j][valid], ni[valid], nj[valid]
+        own, ni, nj = index[i, j][valid], ni[valid], nj[valid]
         inner = mask[ni, nj]
-        rows.append(here[inner])
+        rows.append(own[inner])
         columns.append(index[ni[inner], nj[inner]])
-        np.add.at(diagonal, here[inner], 1.0)
+        np.add.at(diagonal, own[inner], 1.0)
         edge = remainder[ni, nj]
-        known = ~inner & np.isfinite(edge)
-        np.add.at(diagonal, here[known], 1.0)
-        np.add.at(right, here[known], edge[known])
+        scanned = ~inner & np.isfinite(edge)
+        np.add.at(diagonal, own[scanned], 1.0)
+        np.add.at(right, own[scanned], edge[scanned])
     r, c = np.concatenate(rows), np.concatenate(columns)
     matrix = sparse.coo_matrix((np.full(len(r), -1.0), (r, c)), shape=(count, count))
     solution: Any = spsolve((matrix + sparse.diags(diagonal)).tocsc(), right)

@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F32, F64, I64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns, sample_columns, top_faces
 from ..grid.morphology import grow, nearest_in
@@ -28,7 +28,7 @@ from .patch_region import patch_region
 class Crack:
     """A filled gap finer than the grid: its outer ring (n, 2) [m] and area."""
 
-    ring_xy_m: NDArray[np.float64]
+    ring_xy_m: F64
     area_m2: float
 
 
@@ -39,25 +39,22 @@ class RepairedFloor:
     Attributes:
         mesh: the scan with bumps pressed and patches added.
         materials, objects: as in `Scan`, extended by the patches' own.
-        fine: the grid of the following maps.
-        height_m: (rows, columns) floor height, NaN where there is no floor.
+        height_m: (rows, columns) floor height over `fine`, NaN where there is no floor.
         floor_z_m: median height.
-        scanned: (rows, columns) bool floor that was scanned.
-        scanned_faces: the faces that it consists of.
-        holes: every gap, filled or left.
+        scanned, scanned_faces: (rows, columns) floor that was scanned, and its faces.
+        holes, cracks: every gap, filled or left; filled ones finer than the grid.
         bumps: what was flattened.
         patch_area_m2: area of the added floor.
-        cracks: filled gaps finer than the grid.
     """
 
     mesh: WorldMesh
     materials: tuple[ScanMaterial, ...]
     objects: tuple[ScanObject, ...]
     fine: GridSpec
-    height_m: NDArray[np.float64]
+    height_m: F64
     floor_z_m: float
-    scanned: NDArray[np.bool_]
-    scanned_faces: NDArray[np.int64]
+    scanned: Mask
+    scanned_faces: I64
     holes: list[Hole]
     bumps: list[Bump]
     patch_area_m2: float
@@ -75,8 +72,8 @@ def repair_floor(
     objects: tuple[ScanObject, ...],
     scanned: ScannedFloor,
     *,
-    ignore: NDArray[np.bool_],
-    structure: NDArray[np.bool_],
+    ignore: Mask,
+    structure: Mask,
     index: int,
     config: RepairConfig,
 ) -> RepairedFloor:
@@ -84,10 +81,8 @@ def repair_floor(
 
     Args:
         mesh: the scan, with the repairs of lower levels.
-        materials: what its faces point to.
-        objects: what its faces point to.
-        ignore: (F,) faces that are no floor.
-        structure: (F,) faces labelled as wall or window.
+        materials, objects: what its faces point to.
+        ignore, structure: (F,) faces that are no floor, and faces labelled as wall or window.
         index: number of the level, for names.
     """
     fine = scanned.grid
@@ -141,12 +136,7 @@ def repair_floor(
 
 
 def _flattened(
-    mesh: WorldMesh,
-    scanned: ScannedFloor,
-    *,
-    ignore: NDArray[np.bool_],
-    structure: NDArray[np.bool_],
-    config: RepairConfig,
+    mesh: WorldMesh, scanned: ScannedFloor, *, ignore: Mask, structure: Mask, config: RepairConfig
 ) -> tuple[WorldMesh, Columns, Evidence, list[Bump]]:
     """Press bumps flat; return the mesh, its samples and facts after that, and the bumps."""
     evidence_of = partial(
@@ -168,11 +158,7 @@ def _flattened(
 
 
 def _patched(
-    floor: RepairedFloor,
-    patch: Patch,
-    index: int,
-    image: Image.Image,
-    corner_uv: NDArray[np.float32],
+    floor: RepairedFloor, patch: Patch, index: int, image: Image.Image, corner_uv: F32
 ) -> RepairedFloor:
     """Add the patch of level `index` to a floor, with its picture and texture coordinates."""
     holes, cracks = _assign_areas(patch, floor.holes, floor.fine)
@@ -197,10 +183,7 @@ def _patched(
 def _assign_areas(
     patch: Patch, holes: list[Hole], fine: GridSpec
 ) -> tuple[list[Hole], list[Crack]]:
-    """Assign patch areas to holes; pieces that close no hole of the grid become cracks.
-
-    A piece that closes several holes counts for each by its cells.
-    """
+    """Assign patch areas to the holes they close, by cells; pieces that close none are cracks."""
     number = np.full(fine.shape, -1)
     for k, hole in enumerate(holes):
         if hole.fill:

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, I32, I64, Mask
 from ..grid.columns import Columns
 
 # A walkable surface: at most this steep …
@@ -32,24 +32,19 @@ class Surfaces:
         parts: number of surfaces.
     """
 
-    cell: NDArray[np.int64]
-    z_m: NDArray[np.float64]
-    face: NDArray[np.int32]
-    clear_m: NDArray[np.float64]
-    part: NDArray[np.int64]
+    cell: I64
+    z_m: F64
+    face: I32
+    clear_m: F64
+    part: I64
     parts: int
 
 
-def find_surfaces(
-    columns: Columns, normal_z: NDArray[np.float64], ignore: NDArray[np.bool_], clear_m: float
-) -> Surfaces:
-    """Group the horizontal samples that have some free height above into connected surfaces.
+def find_surfaces(columns: Columns, normal_z: F64, ignore: Mask, clear_m: float) -> Surfaces:
+    """Group the horizontal samples with at least `clear_m` of free height above into surfaces.
 
-    Args:
-        normal_z: (F,) vertical part of the unit face normals; the sign is not used, because a
-            scan's winding cannot be trusted.
-        ignore: (F,) bool faces that are no floor, whatever their shape.
-        clear_m: least free height above a sample.
+    `normal_z` (F,) are vertical parts of unit normals, whose sign is not used: a scan's winding
+    cannot be trusted. `ignore` (F,) are faces that are no floor, whatever their shape.
     """
     cell, z, face = columns.cell, columns.z.astype(np.float64), columns.face
     level = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
@@ -64,14 +59,11 @@ def find_surfaces(
     return Surfaces(cell[index], z[index], face[index], clear[index], part, count)
 
 
-def connected(
-    cell: NDArray[np.int64], z_m: NDArray[np.float64], grid: GridSpec, step_m: float
-) -> NDArray[np.int64]:
+def connected(cell: I64, z_m: F64, grid: GridSpec, step_m: float) -> I64:
     """Return the number, from 0, of the connected part that each sample (N,) belongs to.
 
-    Args:
-        cell: (N,) sorted.
-        step_m: samples of neighbouring cells are connected if their heights differ by less.
+    `cell` (N,) is sorted; samples of neighbouring cells are connected if their heights differ by at
+    most `step_m`.
     """
     start = np.searchsorted(cell, np.arange(grid.rows * grid.columns + 1))
     parent = _connect(start, z_m, grid.rows, grid.columns, step_m)

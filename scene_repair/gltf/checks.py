@@ -26,11 +26,7 @@ TRIANGLES, STRIP, FAN = 4, 5, 6
 
 
 def check_gltf(path: Path, file: GltfFile) -> None:
-    """Refuse files that would be misread or exhaust memory.
-
-    Raises:
-        FileFormatError: names what is wrong.
-    """
+    """Raise FileFormatError if a file would be misread or exhaust memory."""
     tree = file.tree
     try:
         _refuse_compressed(path, tree)
@@ -42,14 +38,7 @@ def check_gltf(path: Path, file: GltfFile) -> None:
         _check_sizes(path, file, sum(views), sum(sizes))
         _nodes(path, tree)
     # Infinity is a number for Python's JSON, and no integer.
-    except (
-        KeyError,
-        TypeError,
-        ValueError,
-        IndexError,
-        AttributeError,
-        OverflowError,
-    ) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
         raise FileFormatError(path, f"damaged glTF header: {error!r}") from error
 
 
@@ -72,7 +61,9 @@ def _refuse_compressed(path: Path, tree: dict[str, Any]) -> None:
 def _view(file: GltfFile, index: int, view: dict[str, Any]) -> int:
     """Return the length of a buffer view; raise if it extends beyond its buffer."""
     offset, length = int(view.get("byteOffset", 0)), int(view["byteLength"])
-    held = file.buffer_length(int(view["buffer"]))
+    if (number := int(view["buffer"])) < 0:
+        raise ValueError(f"buffer index {number} is negative")
+    held = len(file.buffer(number))
     if offset < 0 or length < 0 or offset + length > held:
         raise ValueError(f"buffer view {index} ends at {offset + length:,} of {held:,} bytes")
     return length
@@ -125,14 +116,17 @@ def _check_sizes(path: Path, file: GltfFile, in_views: int, in_accessors: int) -
 def _nodes(path: Path, tree: dict[str, Any]) -> None:
     """Check that nodes form a forest and do not instance meshes too often."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
-    vertices = sum(_vertices(mesh, tree.get("accessors", [])) for mesh in meshes)
+    accessors = tree.get("accessors", [])
+    primitives = [primitive for mesh in meshes for primitive in mesh["primitives"]]
+    places = [primitive["attributes"].get("POSITION") for primitive in primitives]
+    vertices = sum(int(accessors[k]["count"]) for k in places if k is not None)
     if vertices > MAX_VERTICES:
         raise FileFormatError(
             path,
             f"its primitives have {vertices:,} vertices in total, counting shared ones each time; "
             f"valid: up to {MAX_VERTICES:,}",
         )
-    triangles = [_triangles(mesh, tree.get("accessors", [])) for mesh in meshes]
+    triangles = [_triangles(mesh, accessors) for mesh in meshes]
     scenes = tree.get("scenes", [])
     roots = [n for scene in scenes for n in scene.get("nodes", [])] or list(range(len(nodes)))
     children = {int(c) for node in nodes for c in node.get("children", [])}
@@ -168,11 +162,6 @@ def _nodes(path: Path, tree: dict[str, Any]) -> None:
             f"instances {sum(triangles):,} triangles so often that they become {total:,}; valid: "
             f"up to {MAX_REPEATED:,}, or twice as many as it stores",
         )
-
-
-def _vertices(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:
-    places = [primitive["attributes"].get("POSITION") for primitive in mesh["primitives"]]
-    return sum(int(accessors[number]["count"]) for number in places if number is not None)
 
 
 def _triangles(mesh: dict[str, Any], accessors: list[dict[str, Any]]) -> int:

@@ -10,13 +10,13 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.files import check_input, read_input
 from ...formats.untrusted.glb import glb_bytes, read_glb
 from ...formats.untrusted.limits import limits
+from ..arrays import F64
 from ..scan.resolver import ConfinedResolver
 
 # Parts of the tree that are lists of objects.
@@ -37,18 +37,14 @@ OWN_GENERATOR = "vlnpe"
 
 @dataclass(frozen=True)
 class ColorImage:
-    """The base colour image of a material.
+    """The base colour image of a material, and its name in messages.
 
-    Attributes:
-        image: index of the glTF image.
-        name: what to call it in messages.
-        to_uv: (2, 3) affine map that texture coordinates (v down) go through.
-        coordinates: which set of texture coordinates it takes.
+    Its set of `coordinates`, v down, goes through the affine map `to_uv` (2, 3).
     """
 
     image: int
     name: str
-    to_uv: NDArray[np.float64]
+    to_uv: F64
     coordinates: int
 
 
@@ -81,28 +77,15 @@ class GltfFile:
         self._buffers: dict[int, bytes | memoryview] = {}
 
     def buffer(self, index: int) -> bytes | memoryview:
-        """Return the bytes of a buffer.
-
-        Raises:
-            FileFormatError: missing, outside the folder, or no base64.
-        """
+        """Return the bytes of a buffer; raise FileFormatError if it cannot be read."""
         if index not in self._buffers:
             entry = self.tree["buffers"][index]
-            if "uri" in entry:
-                self._buffers[index] = self._bytes_of(entry["uri"])
-            else:
-                self._buffers[index] = self._bin
+            self._buffers[index] = self._bytes_of(entry["uri"]) if "uri" in entry else self._bin
         return self._buffers[index]
 
     def held_bytes(self) -> int:
         """Return the size in bytes of all buffers read so far; each file counts once."""
         return sum({id(data): len(data) for data in self._buffers.values()}.values())
-
-    def buffer_length(self, index: int) -> int:
-        """Return the actual size of a buffer in bytes."""
-        if index < 0:
-            raise ValueError(f"buffer index {index} is negative")
-        return len(self.buffer(index))
 
     def _bytes_of(self, uri: str) -> bytes:
         if uri.startswith("data:"):
@@ -141,11 +124,7 @@ class GltfFile:
         return None
 
     def image_location(self, image: int) -> str:
-        """Return the location of an image's data; several images may share one.
-
-        Raises:
-            ValueError: it has neither a buffer view nor a URI.
-        """
+        """Return where an image's data lies (images may share it); raise ValueError if nowhere."""
         entry = self.tree["images"][image]
         if "bufferView" in entry:
             return f"view {entry['bufferView']}"
@@ -154,12 +133,7 @@ class GltfFile:
         return entry["uri"]
 
     def image_bytes(self, image: int) -> bytes:
-        """Return the encoded bytes of an image.
-
-        Raises:
-            OSError: its file is missing or outside the folder.
-            ValueError: it has neither a buffer view nor a URI.
-        """
+        """Return the encoded bytes of an image; raise OSError or ValueError if there are none."""
         entry = self.tree["images"][image]
         if "bufferView" in entry:
             view = self.tree["bufferViews"][entry["bufferView"]]
@@ -171,8 +145,7 @@ class GltfFile:
     def without_images(self) -> io.BytesIO:
         """Return the file's bytes without images and unused vertex attributes.
 
-        Images are opened separately, in bounded memory; materials are named by their number, which
-        says which node they belong to.
+        Images are opened separately, in bounded memory; materials are named by their number.
         """
         tree = {k: v for k, v in self.tree.items() if k not in ("images", "textures")}
         materials = [
@@ -195,13 +168,8 @@ def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
     return {**primitive, "attributes": attributes}
 
 
-def _affine(transform: dict[str, Any]) -> NDArray[np.float64]:
-    """Return the affine map of KHR_texture_transform: scale, then rotate, then translate.
-
-    Raises:
-        ValueError: not finite.
-        OverflowError: an integer of hundreds of digits.
-    """
+def _affine(transform: dict[str, Any]) -> F64:
+    """Return the affine map of KHR_texture_transform: scale, then rotate, then translate."""
     angle = float(transform.get("rotation", 0.0))
     if not np.isfinite(angle):
         raise ValueError("its texture transform is not finite")

@@ -7,17 +7,17 @@ from PIL import Image
 
 from ...formats.core.errors import FileFormatError
 from ..scan.images import PixelBudget, decode_all, open_image
-from ..scan.soup import Part
+from ..scan.soup import ScanPart
 from .file import ColorImage, GltfFile
 
 
-def with_images(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[Part]:
+def with_images(parts: list[ScanPart], file: GltfFile, warnings: list[str]) -> list[ScanPart]:
     """Restore names and images of materials that are named by their number."""
     materials = file.tree.get("materials", [])
     opened: dict[str, Image.Image] = {}
     budget = PixelBudget()
     tried: set[str] = set()
-    wanted: dict[int, ColorImage] = {}
+    by_material: dict[int, ColorImage] = {}
     for number in sorted({int(p.material.name) for p in parts if _numbered(p, materials)}):
         try:
             picture = file.color_image_of(number)
@@ -28,7 +28,7 @@ def with_images(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[
                     f"picture {picture.name} takes texture coordinates {picture.coordinates}; "
                     "only the first set is read"
                 )
-            wanted[number] = picture
+            by_material[number] = picture
             place = file.image_location(picture.image)
             if place not in tried:
                 tried.add(place)
@@ -55,7 +55,7 @@ def with_images(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[
             continue
         number = int(part.material.name)
         name = str(materials[number].get("name") or f"material_{number}")
-        picture = wanted.get(number)
+        picture = by_material.get(number)
         image = pictures.get(file.image_location(picture.image)) if picture else None
         uv = part.uv
         if picture is not None and image is not None and np.any(picture.to_uv != np.eye(2, 3)):
@@ -67,6 +67,6 @@ def with_images(parts: list[Part], file: GltfFile, warnings: list[str]) -> list[
     return result
 
 
-def _numbered(part: Part, materials: list[object]) -> bool:
+def _numbered(part: ScanPart, materials: list[object]) -> bool:
     name = part.material.name
     return name.isdecimal() and int(name) < len(materials)

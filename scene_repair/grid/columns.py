@@ -7,11 +7,11 @@ sorted list of surfaces from the lowest to the highest.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import SceneError
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
+from ..arrays import F32, F64, I32, I64
 
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
 MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
@@ -32,25 +32,18 @@ class Columns:
     """
 
     grid: GridSpec
-    start: NDArray[np.int64]
-    z: NDArray[np.float32]
-    face: NDArray[np.int32]
+    start: I64
+    z: F32
+    face: I32
 
     @property
-    def cell(self) -> NDArray[np.int64]:
+    def cell(self) -> I64:
         """Return the cell index (N,) of every hit."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
 
-def sample_columns(
-    vertices_m: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec
-) -> Columns:
-    """Intersect the vertical lines through all cell centres with all faces.
-
-    Args:
-        vertices_m: (V, 3) world.
-        faces: (F, 3).
-        grid: where to sample.
+def sample_columns(vertices_m: F64, faces: I64, grid: GridSpec) -> Columns:
+    """Intersect the vertical lines through all cell centres with faces (F, 3) of vertices (V, 3).
 
     Raises:
         SceneError: so many surfaces lie above each other that time or memory would not do.
@@ -86,7 +79,7 @@ def sample_columns(
     return Columns(grid, start, z, face)
 
 
-def _cell_tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: GridSpec) -> int:
+def _cell_tests(scaled: F64, faces: I64, grid: GridSpec) -> int:
     """Count the cells in the bounding rectangles of all faces; `scaled` is in cells."""
     total = 0.0
     for first in range(0, len(faces), FACES_AT_ONCE):
@@ -97,22 +90,11 @@ def _cell_tests(scaled: NDArray[np.float64], faces: NDArray[np.int64], grid: Gri
     return int(total)
 
 
-def top_faces(
-    vertices_m: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    corner_uv: NDArray[np.float32],
-    grid: GridSpec,
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Find the topmost face at each cell's centre.
+def top_faces(vertices_m: F64, faces: I64, corner_uv: F32, grid: GridSpec) -> tuple[I32, F32]:
+    """Return the topmost face at each cell's centre, −1 = none, and its texture coordinates there.
 
-    Args:
-        vertices_m: (V, 3) world.
-        faces: (F, 3).
-        corner_uv: (F, 3, 2).
-
-    Returns:
-        The highest face (rows, columns), −1 where there is none, and its texture coordinates there
-        (rows, columns, 2).
+    Vertices are (V, 3) in the world, faces (F, 3), their coordinates (F, 3, 2); results are
+    (rows, columns) and (rows, columns, 2).
     """
     columns = sample_columns(vertices_m, faces, grid)
     face = np.full(grid.shape, -1, dtype=np.int32)
@@ -122,19 +104,19 @@ def top_faces(
     # Of faces in one place the first is taken.
     highest = columns.z == np.repeat(top, np.diff(columns.start)[cells])
     _, first = np.unique(columns.cell[highest], return_index=True)
-    found = columns.face[highest][first]
-    face.ravel()[cells] = found
+    hit = columns.face[highest][first]
+    face.ravel()[cells] = hit
     row, column = np.divmod(cells, grid.columns)
     center = np.stack([column, row], axis=1) + 0.5
-    a, b, c = ((vertices_m[faces[found, k], :2] - grid.origin_xy_m) / grid.cell_m for k in range(3))
+    a, b, c = ((vertices_m[faces[hit, k], :2] - grid.origin_xy_m) / grid.cell_m for k in range(3))
     area = _cross(b - a, c - a)
     u, v = _cross(b - center, c - center) / area, _cross(c - center, a - center) / area
     weights = np.stack([u, v, 1.0 - u - v], axis=1)
-    uv.reshape(-1, 2)[cells] = np.einsum("ck,ckd->cd", weights, corner_uv[found])
+    uv.reshape(-1, 2)[cells] = np.einsum("ck,ckd->cd", weights, corner_uv[hit])
     return face, uv
 
 
-def _cross(p: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cross(p: F64, q: F64) -> F64:
     return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
 
 

@@ -5,24 +5,32 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
+from scipy import ndimage, sparse
 
-Mask = NDArray[np.bool_]
+from ..arrays import F64, I32, I64, Mask
+
 Window = tuple[slice, slice]
 SQUARE = np.ones((3, 3), dtype=bool)
 
 
-def label(mask: Mask, diagonal: bool = False) -> tuple[NDArray[np.int32], int]:
+def label(mask: Mask, diagonal: bool = False) -> tuple[I32, int]:
     """Label the connected parts of a mask from 1; 0 = background."""
     structure = ndimage.generate_binary_structure(mask.ndim, mask.ndim if diagonal else 1)
     parts: Any = ndimage.label(mask, structure=structure)
     return parts[0], int(parts[1])
 
 
-def windows(parts: NDArray[np.int32]) -> list[Window]:
+def linked(first: NDArray[Any], second: NDArray[Any], count: int) -> I64:
+    """Return the group (count,), from 0, of things that pairs (n,), (n,) of numbers link."""
+    links = sparse.coo_matrix((np.ones(len(first), bool), (first, second)), shape=(count, count))
+    groups: Any = sparse.csgraph.connected_components(links, directed=False)
+    return groups[1].astype(np.int64)
+
+
+def windows(parts: I32) -> list[Window]:
     """Return the bounding windows of all parts, in order."""
-    found: Any = ndimage.find_objects(parts)
-    return found
+    objects: Any = ndimage.find_objects(parts)
+    return objects
 
 
 def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
@@ -34,7 +42,7 @@ def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
     )
 
 
-def distance_to(mask: Mask) -> NDArray[np.float64]:
+def distance_to(mask: Mask) -> F64:
     """Return the distance of every cell to the nearest true cell, in cells; inf if none."""
     if not mask.any():
         return np.full(mask.shape, np.inf)
@@ -56,3 +64,35 @@ def grow(mask: Mask, cells: int = 1, within: Mask | None = None) -> Mask:
         pixels = np.ascontiguousarray(mask, dtype=bool).view(np.uint8)
         return np.asarray(cv2.dilate(pixels, square)).view(np.bool_)
     return ndimage.binary_dilation(mask, structure=SQUARE, iterations=cells, mask=within)
+
+
+def dilated(mask: Mask, size: tuple[int, int]) -> Mask:
+    """Return the dilation by a rectangle of that many (rows, columns).
+
+    The same as SciPy's, which takes a hundred times longer for long rectangles.
+    """
+    rows, columns = size
+    return _filtered(cv2.dilate, mask, size, ((columns - 1) // 2, (rows - 1) // 2))
+
+
+def eroded(mask: Mask, size: tuple[int, int]) -> Mask:
+    """Return the erosion by a rectangle of that many (rows, columns); outside nothing is true."""
+    rows, columns = size
+    return _filtered(cv2.erode, mask, size, (columns // 2, rows // 2))
+
+
+def closing(mask: Mask, size: tuple[int, int]) -> Mask:
+    """Return the closing by a rectangle of that many (rows, columns); outside nothing is true."""
+    return eroded(dilated(mask, size), size)
+
+
+def opening(mask: Mask, size: tuple[int, int]) -> Mask:
+    """Return the opening by a rectangle of that many (rows, columns); outside nothing is true."""
+    return dilated(eroded(mask, size), size)
+
+
+def _filtered(filter_: Any, mask: Mask, size: tuple[int, int], anchor: tuple[int, int]) -> Mask:
+    pixels = np.ascontiguousarray(mask, dtype=bool).view(np.uint8)
+    square = np.ones(size, dtype=np.uint8)
+    result = filter_(pixels, square, anchor=anchor, borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    return np.asarray(result).view(np.bool_)

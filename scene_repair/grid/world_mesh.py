@@ -4,45 +4,34 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_normals
+from ..arrays import F32, F64, I32, I64, Mask
 from ..scan.record import Scan
 
 
 @dataclass(frozen=True)
 class WorldMesh:
-    """Triangles in the world frame; every repair step returns a new one.
+    """Triangles in the world frame [m], else as in `Scan`; each repair step returns a new one."""
 
-    Attributes:
-        vertices: (V, 3) float64 [m].
-        faces: (F, 3) int64.
-        corner_uv: (F, 3, 2) float32.
-        face_material, face_object: (F,) int32, as in `Scan`.
-    """
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    corner_uv: NDArray[np.float32]
-    face_material: NDArray[np.int32]
-    face_object: NDArray[np.int32]
+    vertices: F64
+    faces: I64
+    corner_uv: F32
+    face_material: I32
+    face_object: I32
 
     @staticmethod
-    def of(scan: Scan, source_to_world: NDArray[np.float64]) -> "WorldMesh":
+    def of(scan: Scan, source_to_world: F64) -> "WorldMesh":
         """Transform a scan by a (4, 4) similarity."""
         vertices = scan.vertices @ source_to_world[:3, :3].T + source_to_world[:3, 3]
         return WorldMesh(vertices, scan.faces, scan.corner_uv, scan.face_material, scan.face_object)
 
     @cached_property
-    def normals(self) -> NDArray[np.float64]:
+    def normals(self) -> F64:
         """Return unit normals (F, 3); zero for degenerate faces."""
         return triangle_normals(self.vertices[self.faces])
 
-    def moved(self, vertices: NDArray[np.float64]) -> "WorldMesh":
-        """Return the same faces over other vertex positions."""
-        return replace(self, vertices=vertices)
-
-    def lowered(self, faces: NDArray[np.bool_], drop_m: float) -> "WorldMesh":
+    def lowered(self, faces: Mask, drop_m: float) -> "WorldMesh":
         """Return the mesh with the marked faces (F,) hung lower, apart from their neighbours."""
         used, corners = np.unique(self.faces[faces], return_inverse=True)
         moved = self.faces.copy()
@@ -51,13 +40,7 @@ class WorldMesh:
         return replace(self, vertices=np.concatenate([self.vertices, copies]), faces=moved)
 
     def extended(
-        self,
-        new_vertices: NDArray[np.float64],
-        new_faces: NDArray[np.int64],
-        new_uv: NDArray[np.float32],
-        *,
-        material: int,
-        obj: int,
+        self, new_vertices: F64, new_faces: I64, new_uv: F32, *, material: int, obj: int
     ) -> "WorldMesh":
         """Append vertices and faces; `new_faces` index the joint vertex array."""
         count = len(new_faces)

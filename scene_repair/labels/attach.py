@@ -4,8 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F64
 from ..orient.bounds import robust_bounds
 from ..scan.files import HOUSE_NAME
 from ..scan.record import Scan
@@ -13,10 +13,7 @@ from .files import LabelBox, read_labels
 from .matterport import House, read_house
 
 # Ways in which a z-up building may lie in its file: as it is, or turned y up.
-FRAMES = {
-    "z": np.eye(3),
-    "y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]]),
-}
+FRAMES = {"z": np.eye(3), "y": np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])}
 # Bounds of a file and of its labels agree at least this well, as shared over joint volume.
 LEAST_AGREEMENT = 0.3
 # Boxes of one category that share so much of their joint volume are one thing.
@@ -44,45 +41,46 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
             "scan's; its labels are not used"
         )
         return replace(scan, warnings=(*scan.warnings, line)), boxes
-    known: dict[str, list[NDArray[np.float64]]] = {}
+    labelled: dict[str, list[F64]] = {}
     for box in boxes:
-        known.setdefault(box.category, []).append(_bounds(box.corners()))
+        labelled.setdefault(box.category, []).append(_bounds(box.corners()))
     for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
         if len(selected):
             bounds = _bounds(scan.vertices[scan.faces[selected].ravel()])
-            known.setdefault(thing.category, []).append(bounds)
-    there = {category: np.stack(bounds) for category, bounds in known.items()}
+            labelled.setdefault(thing.category, []).append(bounds)
+    bounds_of = {category: np.stack(bounds) for category, bounds in labelled.items()}
     turn = FRAMES[up]
     for box in house.boxes:
         turned = replace(box, center=turn @ box.center - scan.offset, axes=box.axes @ turn.T)
-        here = _bounds(turned.corners())
-        if not (box.category in there and bool((_iou(here, there[box.category]) > SAME).any())):
+        own = _bounds(turned.corners())
+        alike = bounds_of.get(box.category)
+        if alike is None or not (_iou(own, alike) > SAME).any():
             boxes.append(turned)
     reason = f"the bounds in {path.name} agree with {up} up ({100 * agreement:.0f} % shared)"
     unit = scan.unit or ("m", f"{path.name} is in metres")
     return replace(scan, up=(up, reason), unit=unit), boxes
 
 
-def _bounds(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bounds(points: F64) -> F64:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
 def _frame(house: House, scan: Scan) -> tuple[str, float]:
     """Return the frame in which the building's bounds fit the scan's best, and how well."""
-    there = np.stack(robust_bounds(scan.vertices, scan.faces)) + scan.offset
+    bounds_of = np.stack(robust_bounds(scan.vertices, scan.faces)) + scan.offset
     agreement = {
-        name: float(_iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), there))
+        name: float(_iou(_bounds(np.stack([house.lower, house.upper]) @ turn.T), bounds_of))
         for name, turn in FRAMES.items()
     }
     best = max(agreement, key=lambda name: agreement[name])
     return best, agreement[best]
 
 
-def _iou(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _iou(first: F64, second: F64) -> F64:
     """Return the intersection over union (…) of boxes given by their corners (…, 2, 3)."""
-    low, high = one[..., 0, :], one[..., 1, :]
-    sides = np.minimum(high, other[..., 1, :]) - np.maximum(low, other[..., 0, :])
+    low, high = first[..., 0, :], first[..., 1, :]
+    sides = np.minimum(high, second[..., 1, :]) - np.maximum(low, second[..., 0, :])
     both = np.prod(np.maximum(sides, 0.0), axis=-1)
-    volumes = np.prod(high - low, axis=-1) + np.prod(other[..., 1, :] - other[..., 0, :], axis=-1)
+    volumes = np.prod(high - low, axis=-1) + np.prod(second[..., 1, :] - second[..., 0, :], axis=-1)
     joint = volumes - both
     return np.where(joint > 0, both / np.where(joint > 0, joint, 1.0), 0.0)

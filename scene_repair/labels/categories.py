@@ -15,11 +15,8 @@ _GENERIC = {
 _HASH = re.compile(r"(?<![A-Za-z0-9])(?=[0-9a-fA-F]*[0-9])[0-9a-fA-F]{6,}(?![A-Za-z0-9])")
 # Compounds that names run together or that a plain split would misread.
 _ALIASES = {
-    "tv": "tv",
     "tvcabinet": "tv cabinet",
-    "nightstand": "nightstand",
     "night stand": "nightstand",
-    "kitchen table": "kitchen table",
     "room window": "window",
     "room wall": "wall",
     "house wall": "wall",
@@ -36,7 +33,6 @@ _ALIASES = {
     "window frame": "window",
     "door frame": "door",
     "global mesh": "",
-    "screen": "screen",
     "elevator door": "elevator",
     "elevator portal": "elevator",
     "curtain closed": "curtain",

@@ -7,12 +7,12 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.limits import limits
+from ..arrays import F64, Mask
 from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
@@ -25,27 +25,20 @@ LEAST_QUATERNION = 1e-6
 
 @dataclass(frozen=True)
 class LabelBox:
-    """A labelled box in source coordinates, oriented.
-
-    Attributes:
-        name, category: see `LabeledObject`.
-        center: (3,).
-        axes: (3, 3) rows are the box's axes.
-        half: (3,) half sides along the axes.
-    """
+    """A labelled box in source coordinates: centre (3,), axes as rows (3, 3), half sides (3,)."""
 
     name: str
     category: str
-    center: NDArray[np.float64]
-    axes: NDArray[np.float64]
-    half: NDArray[np.float64]
+    center: F64
+    axes: F64
+    half: F64
 
-    def corners(self) -> NDArray[np.float64]:
+    def corners(self) -> F64:
         """Return the corners (8, 3)."""
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         return self.center + (signs * self.half) @ self.axes
 
-    def contains(self, points: NDArray[np.float64], margin: float) -> NDArray[np.bool_]:
+    def contains(self, points: F64, margin: float) -> Mask:
         """Return whether points (N, 3) lie in the box grown by `margin`."""
         local = (points - self.center) @ self.axes.T
         return np.all(np.abs(local) <= self.half + margin, axis=1)
@@ -67,7 +60,9 @@ def read_labels(source: Path) -> list[LabelBox]:
     try:
         data = parse_json(path, text)
         if isinstance(data, dict):
-            return [_own(entry) for entry in within_limit(path, _objects_of(data))]
+            if data.get("frame") != "source":
+                raise ValueError(f"frame {brief(data.get('frame'))}; valid: 'source'")
+            return [_own(entry) for entry in within_limit(path, data["objects"])]
         return [_headset(k, entry) for k, entry in enumerate(within_limit(path, data))]
     # Numbers of hundreds of digits overflow.
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
@@ -80,21 +75,11 @@ def read_labels(source: Path) -> list[LabelBox]:
 
 
 def within_limit[T](path: Path, entries: Sequence[T]) -> Sequence[T]:
-    """Return the entries if they are not too many.
-
-    Raises:
-        FileFormatError: more than the limit `labels`.
-    """
+    """Return the entries; raise FileFormatError if there are more than the limit `labels`."""
     cap = limits().labels
     if len(entries) > cap:
         raise FileFormatError(path, f"has {len(entries):,} labels; valid: up to {cap:,} (labels)")
     return entries
-
-
-def _objects_of(data: dict[str, Any]) -> list[dict[str, Any]]:
-    if data.get("frame") != "source":
-        raise ValueError(f"frame {brief(data.get('frame'))}; valid: 'source'")
-    return data["objects"]
 
 
 def _own(entry: dict[str, Any]) -> LabelBox:
@@ -122,7 +107,11 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
     """
     pose = entry["pose"]
     q = pose["orientation"]
-    rotation = _rotation(np.array([q["x"], q["y"], q["z"], q["w"]], dtype=np.float64))
+    xyzw = np.array([q["x"], q["y"], q["z"], q["w"]], dtype=np.float64)
+    length = float(np.linalg.norm(xyzw))
+    if not np.isfinite(length) or length < LEAST_QUATERNION:
+        raise ValueError(f"{xyzw.tolist()} is not a rotation: its length is {length:g}")
+    rotation = quat_to_matrix(xyzw_to_wxyz(xyzw))
     position = np.array([pose["position"][k] for k in "xyz"], dtype=np.float64)
     box, plane = entry.get("box"), entry.get("plane")
     if box:
@@ -146,16 +135,9 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
     )
 
 
-def _bounded(*values: NDArray[np.float64]) -> bool:
+def _bounded(*values: F64) -> bool:
     """Return whether all values are finite and plausible for a building."""
     return all(bool((np.abs(v) < MAX_COORDINATE).all()) for v in values)
-
-
-def _rotation(xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
-    length = float(np.linalg.norm(xyzw))
-    if not np.isfinite(length) or length < LEAST_QUATERNION:
-        raise ValueError(f"{xyzw.tolist()} is not a rotation: its length is {length:g}")
-    return quat_to_matrix(xyzw_to_wxyz(xyzw))
 
 
 def read_interior_labels(path: Path) -> list[LabelBox]:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, brief
+from ..arrays import F64
 from ..scan.files import MAX_HOUSE_BYTES, side_file
 from .categories import category_of_name
 from .files import LabelBox, within_limit
@@ -33,24 +33,15 @@ NOTHING = frozenset({"void", "misc", "objects", "unlabeled", "unlabelled", "remo
 
 @dataclass(frozen=True)
 class House:
-    """The content of a `.house` file, z up.
-
-    Attributes:
-        boxes: things and rooms.
-        lower, upper: (3,) bounds of the building.
-    """
+    """The boxes of things and rooms in a `.house` file, z up, and the building's bounds (3,)."""
 
     boxes: list[LabelBox]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    lower: F64
+    upper: F64
 
 
 def read_house(path: Path) -> House | None:
-    """Read a `.house` file; None if there is no such file.
-
-    Raises:
-        FileFormatError: not one, damaged, or a link out of its folder.
-    """
+    """Read a `.house` file; None if there is none. Raise FileFormatError if it is damaged."""
     data = side_file(path.parent, path.name, MAX_HOUSE_BYTES)
     if data is None:
         return None
@@ -59,7 +50,7 @@ def read_house(path: Path) -> House | None:
         raise FileFormatError(path, f"does not begin with {HEADER!r}, as .house files do")
     categories: dict[str, str] = {}
     boxes: list[LabelBox] = []
-    bounds: NDArray[np.float64] | None = None
+    bounds: F64 | None = None
     for number, line in enumerate(lines[1:], start=2):
         fields = line.split()
         try:
@@ -82,7 +73,7 @@ def read_house(path: Path) -> House | None:
     return House(boxes, bounds[0], bounds[1])
 
 
-def _floats(fields: list[str], count: int) -> NDArray[np.float64]:
+def _floats(fields: list[str], count: int) -> F64:
     if len(fields) != count:
         raise ValueError(f"{len(fields)} of {count} numbers: {' '.join(fields)}")
     values = np.array([float(f) for f in fields])

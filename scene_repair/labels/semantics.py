@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 
 from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
+from ..arrays import F64, I32, Mask
 from ..scan.record import Scan, ScanObject
 from .categories import THINGS
 from .files import LabelBox
@@ -30,16 +31,12 @@ FLOOR_CATEGORIES = frozenset(
 )
 
 
-def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[np.float64]) -> Scan:
+def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: F64) -> Scan:
     """Label faces by boxes: named parts by their name, others by the smallest box they lie in.
 
     A box stands on the floor but does not own it: level faces at its bottom stay without a label,
-    unless it is a floor's or a rug's.
-
-    Args:
-        scan: in source coordinates.
-        boxes: in source coordinates; rooms are no things and left out.
-        source_to_world: (4, 4) similarity, which defines the up direction.
+    unless it is a floor's or a rug's. Rooms are no things and left out. Scan and boxes are in
+    source coordinates; `source_to_world` defines what is up.
     """
     things = [b for b in boxes if not b.category.startswith(ROOM_PREFIX) and b.category]
     things = [b for b, copied in zip(things, copies(things), strict=True) if not copied]
@@ -58,7 +55,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     tree = KDTree(centers) if len(things) > MANY and len(centers) else None
     for k in sorted(range(len(things)), key=lambda k: -float(np.prod(things[k].half))):
         near = _within(things[k], tree, centers, MARGIN_M / scale)
-        if not _floor_like(things[k].category):
+        if not FLOOR_CATEGORIES.intersection(things[k].category.split()[-1:]):
             bottom = float((things[k].corners() @ up).min())
             near = near[~(level[near] & (height[near] < bottom + FOOT_M / scale))]
         face_object[open_[near]] = len(objects) + k
@@ -66,9 +63,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: NDArray[n
     return replace(scan, face_object=face_object, objects=(*objects, *added))
 
 
-def _within(
-    box: LabelBox, tree: KDTree | None, points: NDArray[np.float64], margin: float
-) -> NDArray[np.intp]:
+def _within(box: LabelBox, tree: KDTree | None, points: F64, margin: float) -> NDArray[np.intp]:
     """Return which of `points` (N, 3) lie in an enlarged box; a tree of them is for many boxes."""
     reach = float(np.linalg.norm(box.half + margin)) * (1 + 1e-9)
     count = 0 if tree is None else tree.query_ball_point(box.center, reach, return_length=True)
@@ -78,7 +73,7 @@ def _within(
     return near[box.contains(points[near], margin)] if len(near) else near
 
 
-def copies(boxes: Sequence[LabelBox]) -> NDArray[np.bool_]:
+def copies(boxes: Sequence[LabelBox]) -> Mask:
     """Return which boxes are flat and lie inside a larger one of their category: its top."""
     copied = np.zeros(len(boxes), dtype=bool)
     groups: dict[str, list[int]] = {}
@@ -104,13 +99,13 @@ def copies(boxes: Sequence[LabelBox]) -> NDArray[np.bool_]:
     return copied
 
 
-def structural(scan: Scan) -> NDArray[np.bool_]:
+def structural(scan: Scan) -> Mask:
     """Return (F,) whether a face's object is a wall or window by name."""
     named = [o.category.split()[-1:] in (["wall"], ["window"]) for o in scan.objects]
     return np.array([*named, False])[scan.face_object]
 
 
-def not_floor(scan: Scan) -> NDArray[np.bool_]:
+def not_floor(scan: Scan) -> Mask:
     """Return (F,) whether a face's object is certainly not floor by name.
 
     A node called after nothing known (`apartment`, `chunk_12`) may hold floor as well.
@@ -119,31 +114,25 @@ def not_floor(scan: Scan) -> NDArray[np.bool_]:
     return np.array([*named, False])[scan.face_object]
 
 
-def _floor_like(category: str) -> bool:
-    """Return whether the category ends in a word for floor: a tile floor, not a floor lamp."""
-    return bool(FLOOR_CATEGORIES.intersection(category.split()[-1:]))
-
-
 def labelled_objects(
     scan: Scan,
     boxes: list[LabelBox],
     *,
-    vertices_world_m: NDArray[np.float64],
-    source_to_world: NDArray[np.float64],
+    vertices_world_m: F64,
+    source_to_world: F64,
     level_floor_z_m: tuple[float, ...],
-) -> tuple[tuple[LabeledObject, ...], NDArray[np.int32]]:
+) -> tuple[tuple[LabeledObject, ...], I32]:
     """Return named objects with world bounds: label boxes first, then named nodes.
 
-    Returns:
-        The objects, and for each of `scan.objects` the index of its own, −1 = none.
+    For each of `scan.objects` the index of its own is returned, too; −1 = none.
     """
-    found: list[LabeledObject] = []
+    labelled: list[LabeledObject] = []
     names: set[str] = set()
     numbers: dict[str, int] = {}  # the last that each name was given
     boxed: dict[str, int] = {}
     index = np.full(len(scan.objects), -1, dtype=np.int32)
 
-    def add(name: str, category: str, points: NDArray[np.float64]) -> None:
+    def add(name: str, category: str, points: F64) -> None:
         unique, n = name, numbers.get(name, 1)
         while unique in names:
             n += 1
@@ -151,13 +140,14 @@ def labelled_objects(
         numbers[name] = n
         names.add(unique)
         low, high = points.min(axis=0), points.max(axis=0)
-        found.append(
+        labelled.append(
             LabeledObject(
                 unique,
                 category,
                 (float(low[0]), float(low[1]), float(low[2])),
                 (float(high[0]), float(high[1]), float(high[2])),
-                _level_of(float(low[2]), float(high[2]), level_floor_z_m),
+                # The highest level below its centre.
+                sum(z <= 0.5 * float(low[2] + high[2]) + 0.05 for z in level_floor_z_m) - 1,
             )
         )
 
@@ -165,20 +155,13 @@ def labelled_objects(
         if not box.category or copied:
             continue
         corners = box.corners() @ source_to_world[:3, :3].T + source_to_world[:3, 3]
-        boxed.setdefault(box.name, len(found))
+        boxed.setdefault(box.name, len(labelled))
         add(box.name, box.category, corners)
     passed_over = {b.name for b in boxes}
     for k, (obj, selected) in enumerate(zip(scan.objects, scan.object_faces(), strict=True)):
         if obj.name in passed_over:
             index[k] = boxed.get(obj.name, -1)
         elif len(selected):
-            index[k] = len(found)
+            index[k] = len(labelled)
             add(obj.name, obj.category, vertices_world_m[scan.faces[selected].ravel()])
-    return tuple(found), index
-
-
-def _level_of(low: float, high: float, level_floor_z_m: tuple[float, ...]) -> int:
-    """Return the highest level below the object's centre."""
-    middle = 0.5 * (low + high)
-    below = [k for k, z in enumerate(level_floor_z_m) if z <= middle + 0.05]
-    return below[-1] if below else -1
+    return tuple(labelled), index

@@ -1,24 +1,17 @@
 """Bounds of a scan without stray triangles far away from it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.geometry import triangle_areas
+from ..arrays import F64, I64
 
 # This share of the surface may lie beyond the bounds on either side of an axis, if it lies further
 # away than this share of the extent.
 STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
 
 
-def robust_bounds(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return lower and upper corner (3,) of a mesh, in its own units.
-
-    Args:
-        vertices: (V, 3).
-        faces: (F, 3), at least one.
-    """
+def robust_bounds(vertices: F64, faces: I64) -> tuple[F64, F64]:
+    """Return lower and upper corner (3,) of a mesh (V, 3), (F, 3) with at least one face."""
     corners = vertices[faces]
     weight = triangle_areas(corners)
     lower, upper = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
@@ -31,7 +24,7 @@ def robust_bounds(
         slack = STRAY_DISTANCE * (last - first)
         inside = (centers[:, axis] >= first - slack) & (centers[:, axis] <= last + slack)
         if not inside.all():
-            kept = corners[inside, :, axis]
-            lower[axis] = max(lower[axis], kept.min())
-            upper[axis] = min(upper[axis], kept.max())
+            values = corners[inside, :, axis]
+            lower[axis] = max(lower[axis], values.min())
+            upper[axis] = min(upper[axis], values.max())
     return lower, upper

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...formats.core.geometry import triangle_normals_and_areas
-
-Array = NDArray[np.float64]
+from ..arrays import F64, I64
 
 # Normals are gathered in cells of about a degree, whose mean is exact.
 CELLS_PER_UNIT = 60
@@ -50,19 +48,21 @@ class Surfaces:
             directions count as one.
     """
 
-    normals: Array
-    area: Array
-    centers: Array
-    points: Array
-    cells: Array
-    cell_area: Array
+    normals: F64
+    area: F64
+    centers: F64
+    points: F64
+    cells: F64
+    cell_area: F64
 
     @staticmethod
-    def of(vertices: Array, faces: NDArray[np.int64]) -> "Surfaces":
+    def of(vertices: F64, faces: I64) -> "Surfaces":
         """Compute from triangles of non-zero area: vertices (V, 3), faces (F, 3)."""
         corners = vertices[faces]
         normals, area = triangle_normals_and_areas(corners)
-        side = np.where(_positive(normals), 1.0, -1.0)
+        x, y, z = normals.T
+        # A direction stands for itself and its opposite.
+        side = np.where((z > 0) | ((z == 0) & ((y > 0) | ((y == 0) & (x > 0)))), 1.0, -1.0)
         index = np.rint(normals * side[:, None] * CELLS_PER_UNIT).astype(np.int64) + 64
         _, cell = np.unique(
             (index[:, 0] << 16) | (index[:, 1] << 8) | index[:, 2], return_inverse=True
@@ -73,18 +73,18 @@ class Surfaces:
             [np.bincount(cell, weight * normals[:, k], count) for k in range(3)], axis=1
         )
         length = np.linalg.norm(sums, axis=1)
-        known = length > 0
+        directed = length > 0
         return Surfaces(
             normals,
             area,
             (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0,
             _spread(corners, area),
-            sums[known] / length[known, None],
-            np.bincount(cell, area, count)[known].astype(np.float64),
+            sums[directed] / length[directed, None],
+            np.bincount(cell, area, count)[directed].astype(np.float64),
         )
 
 
-def _spread(corners: Array, area: Array) -> Array:
+def _spread(corners: F64, area: F64) -> F64:
     """Return points (N, 3) spread over triangles (F, 3, 3) of areas (F,), the same each time."""
     passed = np.cumsum(area)
     number = np.arange(POINTS) + 0.5
@@ -97,17 +97,11 @@ def _spread(corners: Array, area: Array) -> Array:
     return a + u * (b - a) + v * (c - a)
 
 
-def _positive(normals: Array) -> NDArray[np.bool_]:
-    """Return whether a direction is the representative of its pair of opposites."""
-    x, y, z = normals.T
-    return (z > 0) | ((z == 0) & ((y > 0) | ((y == 0) & (x > 0))))
-
-
-def modes(surfaces: Surfaces) -> Array:
+def modes(surfaces: Surfaces) -> F64:
     """Return the directions (n, 3) that most area faces, largest first."""
     cells, area = surfaces.cells, surfaces.cell_area
     left = area.copy()
-    found = []
+    directions = []
     for _ in range(MODES):
         if not left.max() > 0.002 * area.sum():
             break
@@ -118,12 +112,12 @@ def modes(surfaces: Surfaces) -> Array:
             mean = (cells[near] * (np.sign(cosine[near]) * area[near])[:, None]).sum(axis=0)
             up = mean / np.linalg.norm(mean)
         left[np.abs(cells @ up) > np.cos(np.deg2rad(APART_DEG))] = 0.0
-        found.append(up)
-    return np.array(found).reshape(-1, 3)
+        directions.append(up)
+    return np.array(directions).reshape(-1, 3)
 
 
 def level_and_upright(
-    surfaces: Surfaces, up: Array, within_deg: float = WIDE_DEG
+    surfaces: Surfaces, up: F64, within_deg: float = WIDE_DEG
 ) -> tuple[float, float]:
     """Return the shares of the area that are level and upright if `up` (3,) is up."""
     cosine = np.abs(surfaces.cells @ up)
@@ -133,7 +127,7 @@ def level_and_upright(
     return float(level / total), float(upright / total)
 
 
-def refine(surfaces: Surfaces, up: Array) -> Array:
+def refine(surfaces: Surfaces, up: F64) -> F64:
     """Refine a direction to fit level faces and the orthogonal upright ones.
 
     Minimises Σ w (1 − (n·u)²) over level and Σ w (n·u)² over upright faces, an eigenvector of the
@@ -156,7 +150,7 @@ def refine(surfaces: Surfaces, up: Array) -> Array:
     return up
 
 
-def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
+def height_range(surfaces: Surfaces, up: F64) -> tuple[float, float]:
     """Return the 0.1 and 99.9 percentile of the area along `up` (3,)."""
     height = surfaces.centers @ up
     order = np.argsort(height)
@@ -165,7 +159,7 @@ def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
     return float(height[order[low]]), float(height[order[min(high, len(order) - 1)]])
 
 
-def likeness(surfaces: Surfaces, up: Array) -> float:
+def likeness(surfaces: Surfaces, up: F64) -> float:
     """Return a score of how likely `up` (3,) is a building's vertical.
 
     Level area per height, more so if it gathers at few heights: walls in a direction lie at many
@@ -186,7 +180,7 @@ def likeness(surfaces: Surfaces, up: Array) -> float:
     return float(inside / surfaces.area.sum() * gathered * width / tall)
 
 
-def enclosure(surfaces: Surfaces, up: Array) -> float:
+def enclosure(surfaces: Surfaces, up: F64) -> float:
     """Return the share of the ground plan along `up` (3,) that walls enclose on three sides.
 
     What lies on its side and has no floor or ceiling of its own is open along its longest edges.
@@ -213,7 +207,7 @@ def enclosure(surfaces: Surfaces, up: Array) -> float:
     return float((met >= 3)[inside].mean()) if inside.any() else 1.0
 
 
-def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
+def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
     """Return which end of the axis `up` (3,) is up (positive: `up`), and the reason.
 
     Furniture stands, it does not hang: what is no wall lies in the lower half. And where faces look
@@ -242,14 +236,14 @@ def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
         return 0.0, "nothing stands between floor and ceiling"
     mean = float((share * area)[things].sum()) / weight
     facing = looks_in * float(signed[things].sum()) / weight
-    said = min(weight / (FURNISHED * shell), 1.0) if shell > 0 else 1.0
-    return said * (2.0 * (0.5 - mean) + FACING * facing), (
+    trust = min(weight / (FURNISHED * shell), 1.0) if shell > 0 else 1.0
+    return trust * (2.0 * (0.5 - mean) + FACING * facing), (
         f"what lies level between floor and ceiling is at {100 * mean:.0f} % of the height on "
         f"average, and {50 + 50 * facing:.0f} % of it looks up"
     )
 
 
-def _outermost(height: Array, area: Array) -> tuple[float, float]:
+def _outermost(height: F64, area: F64) -> tuple[float, float]:
     """Return the lowest and highest of places (n,) with much of the areas (n,)."""
     if not len(height):
         return 0.0, 0.0

@@ -3,23 +3,26 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
+from ..arrays import F64
 from ..config import UNIT_M, metres_per
 from ..scan.record import Scan
 from .gravity import Surfaces, height_range
-
-Array = NDArray[np.float64]
 
 # What is usual [m], and how far (standard deviation of the logarithm) buildings differ from it.
 ROOM_M, ROOM_SPREAD = 2.65, 0.20
 DOOR_M, DOOR_SPREAD, OPENING_SPREAD = 2.04, 0.08, 0.15
 WIDTH_M, WIDTH_SPREAD = 8.0, 0.9
+# Rooms are rarely lower or higher than this, but halls are as high as they are wide, up to a limit.
+LOW_ROOM_M, HIGH_ROOM_M, HALL_M = 2.0, 6.0, 40.0
 # No single measure outweighs all others.
 WORST = -20.0
 # Few scans are in these units; they must fit better than the others.
 PRIOR = {"m": 0.0, "cm": -0.7, "mm": -0.7, "ft": -1.5, "in": -1.5}
 PEAK_SHARE = 0.25
+# Level area at one height of less than this share of the ground plan is neither floor nor ceiling.
+PLAN_SHARE = 0.25
 LEVEL, UPRIGHT = 0.95, 0.2
 # Doors: samples of walls in columns, in parts of the room's height.
 WALL_SAMPLES, COLUMN = 200_000, 1 / 40
@@ -31,37 +34,38 @@ OPENINGS = "openings in walls"
 
 @dataclass(frozen=True)
 class Sizes:
-    """Measures in source units; 0 = not found.
+    """Measures in source units; 0 = not measured.
 
-    Attributes:
-        room: height of rooms, from floor to ceiling or to the walls' top.
-        door: height of door openings.
-        door_source: where that was read.
-        width: longer side of the whole.
+    `room` reaches from floor to ceiling or the walls' top; `door_source` says where `door`, the
+    height of openings, was read; `width` and `narrow` are the longer and shorter side.
     """
 
     room: float
     door: float
     door_source: str
     width: float
+    narrow: float = 0.0
 
 
-def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
+def measure(scan: Scan, surfaces: Surfaces, to_z_up: F64) -> Sizes:
     """Measure a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
     up = to_z_up[2]
     height = surfaces.centers @ up
     floor, room = room_height(surfaces, up)
-    width = 0.0
-    for row in to_z_up[:2]:
-        first, last = height_range(surfaces, row)
-        width = max(width, last - first)
-    door, source = _labelled_doors(scan, up)
-    if not door:
+    narrow, width = sorted(float(np.ptp(height_range(surfaces, row))) for row in to_z_up[:2])
+    doors = [
+        float(np.ptp(scan.vertices[scan.faces[selected].ravel()] @ up))
+        for thing, selected in zip(scan.objects, scan.object_faces(), strict=True)
+        if thing.category.split()[-1:] == ["door"] and len(selected)
+    ]
+    if doors:
+        door, source = float(np.median(doors)), f"{len(doors)} labelled"
+    else:
         door, source = _door_height(surfaces, to_z_up, height, floor, room)
-    return Sizes(room, door, source, width)
+    return Sizes(room, door, source, width, narrow)
 
 
-def room_height(surfaces: Surfaces, up: Array) -> tuple[float, float]:
+def room_height(surfaces: Surfaces, up: F64) -> tuple[float, float]:
     """Return a floor's height along `up` (3,), and the largest gap to the next level surface."""
     height = surfaces.centers @ up
     low, high = height_range(surfaces, up)
@@ -71,7 +75,7 @@ def room_height(surfaces: Surfaces, up: Array) -> tuple[float, float]:
         height[level], 200, (low - 0.02 * tall, high + 0.02 * tall), weights=surfaces.area[level]
     )
     smooth = np.convolve(histogram, np.ones(3), mode="same")
-    if not smooth.max() > 0:
+    if not smooth.max() > PLAN_SHARE * _ground_plan(surfaces, up):
         return low, tall
     middle = 0.5 * (edges[1:] + edges[:-1])
     strong = middle[smooth > PEAK_SHARE * smooth.max()]
@@ -83,17 +87,22 @@ def room_height(surfaces: Surfaces, up: Array) -> tuple[float, float]:
     return floor, max(high - floor, 0.0)
 
 
-def _labelled_doors(scan: Scan, up: Array) -> tuple[float, str]:
-    """Return the median height of objects labelled as doors."""
-    found = []
-    for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
-        if thing.category.split()[-1:] == ["door"] and len(selected):
-            found.append(float(np.ptp(scan.vertices[scan.faces[selected].ravel()] @ up)))
-    return (float(np.median(found)), f"{len(found)} labelled") if found else (0.0, "")
+def _ground_plan(surfaces: Surfaces, up: F64) -> float:
+    """Return the area of the convex hull seen along `up` (3,); 0 if it is a line."""
+    across = np.linalg.svd(up[None])[2][1:]
+    try:
+        return float(ConvexHull(surfaces.points @ across.T).volume)
+    except QhullError:
+        return 0.0
+
+
+def hall(room_m: float, narrow_m: float) -> bool:
+    """Return whether a high room is a hall: no higher than the building's shorter side."""
+    return HIGH_ROOM_M < room_m <= min(narrow_m, HALL_M)
 
 
 def _door_height(
-    surfaces: Surfaces, to_z_up: Array, height: Array, floor: float, room: float
+    surfaces: Surfaces, to_z_up: F64, height: F64, floor: float, room: float
 ) -> tuple[float, str]:
     """Return the typical lower edge of lintels: walls that start high and reach the ceiling.
 

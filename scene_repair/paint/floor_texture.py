@@ -1,11 +1,11 @@
 """Texture of filled floor: an orthographic image of the scanned floor, continued into holes."""
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.core.threads import in_order
 from ...formats.scene.grid import GridSpec
+from ..arrays import F32, F64, I32, I64, Mask
 from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow
 from ..grid.world_mesh import WorldMesh
@@ -21,10 +21,10 @@ MARGIN_PX = 3
 
 def paint_floor(
     mesh: WorldMesh,
-    looks: MaterialSampler,
-    floor_faces: NDArray[np.int64],
-    region: NDArray[np.bool_],
-    rooms: NDArray[np.int32],
+    sampler: MaterialSampler,
+    floor_faces: I64,
+    region: Mask,
+    rooms: I32,
     grid: GridSpec,
     *,
     texel_m: float,
@@ -33,14 +33,10 @@ def paint_floor(
     """Paint the texture for the patches of one level.
 
     Args:
-        mesh: the scan without patches.
-        floor_faces: (n,) scanned floor.
+        floor_faces: (n,) scanned floor of the mesh, which has no patches yet.
         region: (rows, columns) cells under patches.
-        rooms: (rows, columns) number of the room that each cell belongs to, from 1; floors are
-            continued within a room only.
-        grid: the grid of both.
-        texel_m: wanted texel size; coarser if the level is too large for `max_px`.
-        max_px: largest side of the image.
+        rooms: (rows, columns) number of each cell's room, from 1, within which floors continue.
+        texel_m: texel size; coarser if the level is too large for an image of `max_px`.
 
     Returns:
         The image (row 0 at the top, i.e. greatest y) and its texel grid (row 0 at least y).
@@ -51,49 +47,37 @@ def paint_floor(
     texel_m = max(texel_m, float((high - low).max() + 2 * AROUND_M) / (max_px - 2))
     texels = GridSpec.covering(low, high, texel_m)
     picture = np.zeros((*texels.shape, 3), dtype=np.uint8)
-    floor = _submesh(mesh, floor_faces)
-
-    def paint(room: int) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
-        own = rooms == room
-        return _paint_room(
-            floor, looks, region=region & own, others=region, room=own, grid=grid, texels=texels
-        )
-
-    for window, image, wanted in in_order(paint, np.unique(rooms[region]).tolist()):
-        picture[window][wanted] = np.rint(np.clip(image[wanted], 0.0, 1.0) * 255.0)
-    return Image.fromarray(picture[::-1]), texels
-
-
-def _submesh(mesh: WorldMesh, faces: NDArray[np.int64]) -> WorldMesh:
-    """Return the given faces of a mesh with the vertices that they use."""
-    used, corners = np.unique(mesh.faces[faces], return_inverse=True)
-    return WorldMesh(
+    used, corners = np.unique(mesh.faces[floor_faces], return_inverse=True)
+    floor = WorldMesh(
         mesh.vertices[used],
         corners.reshape(-1, 3),
-        mesh.corner_uv[faces],
-        mesh.face_material[faces],
-        mesh.face_object[faces],
+        mesh.corner_uv[floor_faces],
+        mesh.face_material[floor_faces],
+        mesh.face_object[floor_faces],
     )
+
+    def paint(room: int) -> tuple[Window, F32, Mask]:
+        own = rooms == room
+        return _paint_room(
+            floor, sampler, region=region & own, others=region, room=own, grid=grid, texels=texels
+        )
+
+    for window, image, target in in_order(paint, np.unique(rooms[region]).tolist()):
+        picture[window][target] = np.rint(np.clip(image[target], 0.0, 1.0) * 255.0)
+    return Image.fromarray(picture[::-1]), texels
 
 
 def _paint_room(
     floor: WorldMesh,
-    looks: MaterialSampler,
+    sampler: MaterialSampler,
     *,
-    region: NDArray[np.bool_],
-    others: NDArray[np.bool_],
-    room: NDArray[np.bool_],
+    region: Mask,
+    others: Mask,
+    room: Mask,
     grid: GridSpec,
     texels: GridSpec,
-) -> tuple[Window, NDArray[np.float32], NDArray[np.bool_]]:
-    """Paint the floor of one room.
-
-    Args:
-        floor: scanned floor.
-        region: (rows, columns) cells to paint.
-        others: (rows, columns) cells that are painted in any room.
-        room: (rows, columns) cells whose floor may be copied.
-        texels: grid of the whole picture.
+) -> tuple[Window, F32, Mask]:
+    """Paint the cells `region` of a `room`, whose floor is copied; `others` are painted in any.
 
     Returns:
         A window of `texels`, colours (h, w, 3) for it, and where they count (h, w).
@@ -110,28 +94,25 @@ def _paint_room(
         *(np.clip(k, 0, n - 1) for k, n in zip(grid.under(seen), grid.shape, strict=True))
     )
     selected = region[cells]
-    wanted = grow(selected, MARGIN_PX) & (selected | ~others[cells])
+    target = grow(selected, MARGIN_PX) & (selected | ~others[cells])
     face, uv = top_faces(floor.vertices, floor.faces, floor.corner_uv, seen)
     inside = (face >= 0) & room[cells]
-    known = face >= 0
+    scanned = face >= 0
     if np.count_nonzero(inside) * texels.cell_m**2 >= LEAST_FLOOR_M2:
         # Beyond a wall lies another floor, which does not continue here.
-        known = inside
+        scanned = inside
     image = np.zeros((*seen.shape, 3), dtype=np.float32)
-    image[known] = looks.at(floor.face_material[face[known]], uv[known])
-    if known.any():
-        image = inpaint(image, known, wanted, texels.cell_m)
-    window = (
-        slice(max(i0, 0), min(i1, texels.rows)),
-        slice(max(j0, 0), min(j1, texels.columns)),
-    )
+    image[scanned] = sampler.at(floor.face_material[face[scanned]], uv[scanned])
+    if scanned.any():
+        image = inpaint(image, scanned, target, texels.cell_m)
+    window = (slice(max(i0, 0), min(i1, texels.rows)), slice(max(j0, 0), min(j1, texels.columns)))
     crop = tuple(
         slice(w.start - first, w.stop - first) for w, first in zip(window, (i0, j0), strict=True)
     )
-    return window, image[crop], wanted[crop]
+    return window, image[crop], target[crop]
 
 
-def uv_on(grid: GridSpec, xy_m: NDArray[np.float64]) -> NDArray[np.float32]:
+def uv_on(grid: GridSpec, xy_m: F64) -> F32:
     """Return texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid."""
     size = np.array([grid.columns, grid.rows]) * grid.cell_m
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)

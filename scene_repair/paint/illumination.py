@@ -4,13 +4,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from ..grid.morphology import Mask
+from ..arrays import F32, F64, Mask
 from .pattern_search import COARSE, blocks, masked, reduced
-
-Image32 = NDArray[np.float32]
 
 # Colours are compared as logarithms, in which light is a sum; black is kept finite.
 BLACK = np.float32(0.05)
@@ -27,22 +24,18 @@ BLOCK_PX = COARSE**2
 class Split:
     """Both parts as logarithms (H, W, 3); their sum is the image."""
 
-    light: Image32
-    pattern: Image32
+    light: F32
+    pattern: F32
 
-    def joined(self, pattern: Image32, where: Mask) -> Image32:
+    def joined(self, pattern: F32, where: Mask) -> F32:
         """Return colours (N, 3) in 0–1 of a pattern under this illumination at the given pixels."""
         return np.clip(np.exp(self.light[where] + pattern[where]) - BLACK, 0.0, 1.0)
 
 
-def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Split:
-    """Split an image into illumination and pattern.
+def split_light(image: F32, valid: Mask, plain: Mask, texel_m: float) -> Split:
+    """Split an image (H, W, 3) in 0–1 with pixels of `texel_m` into illumination and pattern.
 
-    Args:
-        image: (H, W, 3) in 0–1.
-        known: (H, W) where it shows anything; elsewhere the pattern is none.
-        plain: (H, W) what light is estimated from.
-        texel_m: side of a pixel.
+    Light is estimated from `plain` (H, W) pixels; where nothing is `valid` there is no pattern.
     """
     tone = image + BLACK
     np.log(tone, out=tone)
@@ -56,21 +49,16 @@ def split_light(image: Image32, known: Mask, plain: Mask, texel_m: float) -> Spl
         weight += strength * blurred(share, sigma)
         light += strength * blurred(total, sigma)
     light /= weight[..., None]
-    wide = _enlarged(light.astype(np.float32), known.shape)
+    # From blocks to pixels, clamped at the borders.
+    size = (light.shape[1] * BLOCK_PX, light.shape[0] * BLOCK_PX)
+    whole = cv2.resize(light.astype(np.float32), size, interpolation=cv2.INTER_LINEAR)
+    rest = valid.shape[0] - size[1], valid.shape[1] - size[0]
+    wide = np.pad(np.asarray(whole, np.float32), ((0, rest[0]), (0, rest[1]), (0, 0)), mode="edge")
     tone -= wide
-    return Split(wide, masked(tone, known))
+    return Split(wide, masked(tone, valid))
 
 
-def blurred(image: Image32, sigma: float) -> NDArray[np.float64]:
+def blurred(image: F32, sigma: float) -> F64:
     """Return the zero-padded Gaussian mean (H, W[, C]); float64, as its far tails count."""
     axes = (sigma, sigma, 0)[: image.ndim]
     return ndimage.gaussian_filter(image.astype(np.float64), axes, mode="constant", truncate=3.0)
-
-
-def _enlarged(light: Image32, shape: tuple[int, ...]) -> Image32:
-    """Interpolate block values to pixels, clamped at the borders."""
-    rows, columns = light.shape[:2]
-    size = (columns * BLOCK_PX, rows * BLOCK_PX)
-    whole = np.asarray(cv2.resize(light, size, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
-    rest = shape[0] - whole.shape[0], shape[1] - whole.shape[1]
-    return np.pad(whole, ((0, rest[0]), (0, rest[1]), (0, 0)), mode="edge")

@@ -15,13 +15,11 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from ..grid.morphology import Mask, Window, grow, grown_window, label
+from ..arrays import F32, Mask
+from ..grid.morphology import Window, grow, grown_window, label
 from .illumination import blurred, split_light
 from .pattern_search import COARSE, Stock, best_place, reduced
-
-Image32 = NDArray[np.float32]
 
 # Pieces of this size, judged by a ring of this width around them, from a search this far around.
 PIECE_M, RING_M, SEARCH_M = 0.48, 0.08, 2.0
@@ -46,54 +44,52 @@ SEAM_SIGMA_M, SEAM_LIMIT, SEAM_FADE = 0.02, 0.3, 0.05
 class _Canvas:
     """The floor's pattern while it is being filled, all (H, W) or (H, W, 3).
 
-    `made` is what has been filled already; `deep` holes reach far away from scanned floor;
+    `filled` is what has been filled already; `deep` holes reach far away from scanned floor;
     `sound` can be copied: the scanned floor without its
     smeared rim; `plain` is the part of it that looks as most of it does.
     """
 
-    pattern: Image32
-    bright: Image32
-    made: Mask
+    pattern: F32
+    bright: F32
+    filled: Mask
     todo: Mask
     deep: Mask
     sound: Stock
     plain: Stock
 
 
-def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image32:
-    """Return colours for all `wanted` pixels.
+def inpaint(image: F32, valid: Mask, pending: Mask, texel_m: float) -> F32:
+    """Return the image (H, W, 3) in 0–1 with `pending` (H, W) pixels filled that are no `valid`.
 
-    Args:
-        image: (H, W, 3) colours in 0–1; only `known` pixels count.
-        known: (H, W) bool, at least one.
-        wanted: (H, W) bool pixels to fill; known ones stay.
-        texel_m: side of a pixel.
-
-    Returns:
-        A copy with the wanted pixels filled; pixels in neither mask hold anything.
+    At least one pixel is valid; those in neither mask hold anything. `texel_m` is a pixel's side.
     """
     result = image.copy()
-    todo = wanted & ~known
+    todo = pending & ~valid
     if not todo.any():
         return result
-    colors = image[known]
+    colors = image[valid]
     if _same(colors[::97]) and _same(colors):
         result[todo] = colors[0]
         return result
-    sound = _without_rim(known, texel_m)
+    # Known pixels away from the rim, or all if there are no others.
+    inner = ~grow(~valid, max(1, round(SMEARED_M / texel_m)))
+    sound = inner if inner.any() else valid
     plain = _plain(image, sound, texel_m)
-    split = split_light(image, known, plain, texel_m)
+    split = split_light(image, valid, plain, texel_m)
     bright = _bright(split.pattern)
     depth = np.asarray(
-        cv2.distanceTransform((~known).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        cv2.distanceTransform((~valid).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
     )
+    parts, count = label(todo)
+    deep = np.zeros(count + 1, dtype=bool)
+    deep[np.unique(parts[todo & (depth * texel_m > SPECIAL_DEPTH_M)])] = True
     scanned = bright.copy()
     canvas = _Canvas(
         split.pattern,
         bright,
         np.zeros_like(todo),
         todo.copy(),
-        _deep(todo, depth * texel_m),
+        deep[parts],
         Stock.of(scanned, sound),
         Stock.of(scanned, plain),
     )
@@ -116,31 +112,16 @@ def inpaint(image: Image32, known: Mask, wanted: Mask, texel_m: float) -> Image3
     return result
 
 
-def _same(colors: Image32) -> bool:
+def _same(colors: F32) -> bool:
     return bool(np.ptp(colors, axis=0).max() < 1e-3)
 
 
-def _bright(pattern: Image32) -> Image32:
+def _bright(pattern: F32) -> F32:
     """Return the mean (H, W) of the channels."""
     return np.asarray(cv2.transform(pattern, np.full((1, 3), 1 / 3)), dtype=np.float32)
 
 
-def _deep(todo: Mask, depth_m: Image32) -> Mask:
-    """Return the connected parts of `todo` deeper than `SPECIAL_DEPTH_M` from the rim."""
-    parts, _ = label(todo)
-    far = np.unique(parts[todo & (depth_m > SPECIAL_DEPTH_M)])
-    deep = np.zeros(int(parts.max()) + 1, dtype=bool)
-    deep[far] = True
-    return deep[parts]
-
-
-def _without_rim(known: Mask, texel_m: float) -> Mask:
-    """Return known pixels away from the rim, or all if there are no others."""
-    inner = ~grow(~known, max(1, round(SMEARED_M / texel_m)))
-    return inner if inner.any() else known
-
-
-def _plain(image: Image32, sound: Mask, texel_m: float) -> Mask:
+def _plain(image: F32, sound: Mask, texel_m: float) -> Mask:
     """Return where the floor has its most common appearance."""
     share, mean = reduced(sound, image)
     sigma = PLAIN_SIGMA_M / texel_m / COARSE
@@ -207,7 +188,7 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     special = other > SPECIAL_SHARE * max(np.count_nonzero(scanned), 1)
     special &= not (hole & canvas.deep[outer]).any()
     stock = canvas.sound if special else canvas.plain
-    ring = (scanned if special else plain) | (near & canvas.made[outer])
+    ring = (scanned if special else plain) | (near & canvas.filled[outer])
     size_m = max(hole.shape) * texel_m - 2 * RING_M
     search = _search_window(window, size_m, texel_m, canvas.todo.shape)
     place = best_place(stock, search, canvas.bright[outer], ring=ring, hole=hole)
@@ -216,9 +197,9 @@ def _copy_from_elsewhere(canvas: _Canvas, window: Window, texel_m: float) -> boo
     i, j = place
     donor = canvas.pattern[i : i + hole.shape[0], j : j + hole.shape[1]]
     target = canvas.pattern[outer]
-    known = stock.source[i : i + hole.shape[0], j : j + hole.shape[1]]
-    seam = np.where((ring & known)[..., None], target - donor, np.float32(0.0))
-    target[hole] = (donor + _spread(seam, ring & known, SEAM_SIGMA_M / texel_m))[hole]
+    valid = stock.source[i : i + hole.shape[0], j : j + hole.shape[1]]
+    seam = np.where((ring & valid)[..., None], target - donor, np.float32(0.0))
+    target[hole] = (donor + _spread(seam, ring & valid, SEAM_SIGMA_M / texel_m))[hole]
     _finish(canvas, window)
     return True
 
@@ -236,16 +217,16 @@ def _search_window(window: Window, size_m: float, texel_m: float, shape: tuple[i
 
 def _finish(canvas: _Canvas, window: Window) -> None:
     canvas.bright[window] = _bright(canvas.pattern[window])
-    canvas.made[window] |= canvas.todo[window]
+    canvas.filled[window] |= canvas.todo[window]
     canvas.todo[window] = False
 
 
-def _spread(seam: Image32, ring: Mask, sigma: float) -> Image32:
+def _spread(seam: F32, ring: Mask, sigma: float) -> F32:
     """Continue the difference at the seam from the ring into the piece, fading out."""
     limited = np.clip(seam, -SEAM_LIMIT, SEAM_LIMIT)
     side = 2 * round(3 * sigma) + 1
 
-    def blur(a: Image32) -> Image32:
+    def blur(a: F32) -> F32:
         smooth = cv2.GaussianBlur(a, (side, side), sigma, borderType=cv2.BORDER_REFLECT)
         return np.asarray(smooth, dtype=np.float32)
 

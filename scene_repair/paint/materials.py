@@ -2,26 +2,22 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, I32, U8
 from ..scan.record import ScanMaterial
 
 ROW = 4096
 
 
 class MaterialSampler:
-    """Materials with their images as arrays, decoded once.
-
-    Args:
-        materials: as the mesh's `face_material` numbers them.
-    """
+    """Materials, as a mesh's `face_material` numbers them, with their images decoded once."""
 
     def __init__(self, materials: tuple[ScanMaterial, ...]):
         self.colors = np.array([m.base_color for m in materials], dtype=np.float32)
         self.materials = materials
-        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._images: dict[int, U8] = {}
 
-    def _image(self, index: int) -> NDArray[np.uint8] | None:
+    def _image(self, index: int) -> U8 | None:
         image = self.materials[index].image
         if image is None:
             return None
@@ -29,13 +25,8 @@ class MaterialSampler:
             self._images[index] = np.ascontiguousarray(image.convert("RGB"))
         return self._images[index]
 
-    def at(self, material: NDArray[np.int32], uv: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return sRGB colours (N, 3) in 0–1, bilinear, repeating.
-
-        Args:
-            material: (N,) material of each point.
-            uv: (N, 2), v up.
-        """
+    def at(self, material: I32, uv: F32) -> F32:
+        """Return sRGB (N, 3) in 0–1 of materials (N,) at uv (N, 2), v up; bilinear, repeating."""
         if not len(material):
             return np.zeros((0, 3), dtype=np.float32)
         used = np.flatnonzero(np.bincount(material))
@@ -49,7 +40,7 @@ class MaterialSampler:
         return result
 
 
-def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _bilinear(pixels: U8, uv: F32) -> U8:
     """Return colours (N, 3) at (N, 2), interpolated to 1/32 pixel."""
     height, width = pixels.shape[:2]
     # Wrapped first: far from zero single precision would blur.
@@ -59,5 +50,5 @@ def _bilinear(pixels: NDArray[np.uint8], uv: NDArray[np.float32]) -> NDArray[np.
     # In rows, as a picture's sides are limited.
     rows = -(-len(uv) // ROW)
     x, y = (np.resize(a, (rows, ROW)) for a in (x, y))
-    found = cv2.remap(pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    return np.asarray(found, dtype=np.uint8).reshape(-1, 3)[: len(uv)]
+    sampled = cv2.remap(pixels, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
+    return np.asarray(sampled, dtype=np.uint8).reshape(-1, 3)[: len(uv)]

@@ -3,6 +3,7 @@
 Splats are only recognised here: an edit of what fuses them must not repair meshes again.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from PIL import Image
@@ -20,7 +21,7 @@ from .readings import LookRef, Readings
 from .record import Scan, ScanMaterial
 from .resolver import MAX_BYTES
 from .sandbox import read_in_child
-from .soup import Part, merge_parts
+from .soup import ScanPart, merge_parts
 
 
 def read_scan(path: Path) -> Scan:
@@ -53,17 +54,11 @@ def check_scan(path: Path) -> None:
 
 
 def scan_of(path: Path, readings: Readings) -> Scan:
-    """Convert a reader's output to a scan and load the images that it refers to.
-
-    Raises:
-        FileFormatError: there is no usable triangle.
-    """
+    """Convert a reader's output to a scan; raise FileFormatError if no triangle is usable."""
     warnings = list(readings.warnings)
-    materials = _materials(path.parent.resolve(), readings.looks, warnings)
-    parts = [
-        Part(p.name, p.category, p.vertices, p.faces, p.uv, materials[p.look], p.colors)
-        for p in readings.parts
-    ]
+    refs = list(dict.fromkeys(part.material for part in readings.parts))
+    materials = dict(zip(refs, _materials(path.parent.resolve(), refs, warnings), strict=True))
+    parts: list[ScanPart] = [replace(p, material=materials[p.material]) for p in readings.parts]
     if not parts:
         raise FileFormatError(path, "; ".join(["contains no visible triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, readings.up, readings.unit)
@@ -72,12 +67,12 @@ def scan_of(path: Path, readings: Readings) -> Scan:
     return scan
 
 
-def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[ScanMaterial]:
+def _materials(folder: Path, refs: list[LookRef], warnings: list[str]) -> list[ScanMaterial]:
     """Return materials with their images; each image is opened once."""
     opened: dict[str, Image.Image] = {}
     tried: set[str] = set()
     budget = PixelBudget()
-    for look in looks:
+    for look in refs:
         key = look.texture + look.member
         if look.texture and key not in tried:
             tried.add(key)
@@ -87,7 +82,7 @@ def _materials(folder: Path, looks: list[LookRef], warnings: list[str]) -> list[
     pictures = decode_all(opened, warnings)
     return [
         ScanMaterial(look.name, look.base_color, pictures.get(look.texture + look.member))
-        for look in looks
+        for look in refs
     ]
 
 

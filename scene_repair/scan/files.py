@@ -14,14 +14,16 @@ CLOUD_SUFFIXES = (".pcd",)  # a .ply without faces is one, too
 SPLAT_SUFFIXES = (".splat", ".spz")  # a .ply, .glb or .gltf may hold splats, too
 SUFFIXES = (*MESH_SUFFIXES, *USD_SUFFIXES, *CLOUD_SUFFIXES, *SPLAT_SUFFIXES)
 # What is not read, and what turns it into something that is.
-_CLOUD = "a point cloud's exchange format"
+_CLOUD, _TO_PLY = "a point cloud's exchange format", "{name} {stem}.ply"
+_CAD = "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF"
+_SPLATS = "convert it with SplatTransform: splat-transform {name} {stem}.ply"
 CONVERTERS = {
     ".ifc": "a building model (IFC); convert it with IfcOpenShell: IfcConvert {name} {stem}.glb",
     ".e57": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY) or pye57",
-    ".las": f"{_CLOUD}; convert it with PDAL: pdal translate {{name}} {{stem}}.ply",
-    ".laz": f"{_CLOUD}; convert it with PDAL: pdal translate {{name}} {{stem}}.ply",
-    ".xyz": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY)",
-    ".pts": f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY)",
+    **dict.fromkeys((".las", ".laz"), f"{_CLOUD}; convert it with PDAL: pdal translate {_TO_PLY}"),
+    **dict.fromkeys(
+        (".xyz", ".pts"), f"{_CLOUD}; convert it with CloudCompare (File > Save as PLY)"
+    ),
     ".dae": "Collada; convert it with Assimp: assimp export {name} {stem}.glb",
     ".fbx": "Autodesk FBX; convert it with Blender (File > Export > glTF 2.0) or Assimp: "
     "assimp export {name} {stem}.glb",
@@ -29,12 +31,9 @@ CONVERTERS = {
     ".blend": "a Blender file; convert it in Blender: File > Export > glTF 2.0",
     ".skp": "a SketchUp file; convert it in SketchUp: File > Export > GLB or OBJ",
     ".rvt": "a Revit file; export IFC from Revit, then IfcConvert model.ifc model.glb",
-    ".step": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
-    ".ksplat": "Gaussian splats in KSPLAT format; convert it with SplatTransform: "
-    "splat-transform {name} {stem}.ply",
-    ".sog": "Gaussian splats in SOG format; convert it with SplatTransform: "
-    "splat-transform {name} {stem}.ply",
-    ".stp": "a CAD file (STEP); convert it with FreeCAD: File > Export > glTF",
+    ".ksplat": f"Gaussian splats in KSPLAT format; {_SPLATS}",
+    ".sog": f"Gaussian splats in SOG format; {_SPLATS}",
+    **dict.fromkeys((".step", ".stp"), _CAD),
 }
 LICENCE_NAMES = ("LICENSE.{stem}", "{stem}.LICENSE", "{stem}.license.txt", "LICENSE")
 MAX_LICENCE_BYTES = 1 << 20
@@ -77,8 +76,7 @@ def licence_names(stem: str) -> list[str]:
 def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
     """Return the bytes of the file `name` in `folder`; None if there is none.
 
-    Raises:
-        FileFormatError: a link out of the folder, larger than `max_bytes`, or unreadable.
+    A FileFormatError is raised if it is a link out of the folder, too large, or unreadable.
     """
     path = folder / name
     try:
@@ -93,11 +91,7 @@ def side_file(folder: Path, name: str, max_bytes: int) -> bytes | None:
 
 
 def licence_beside(source: Path) -> str:
-    """Return the text of the licence file beside the source; empty if there is none.
-
-    Raises:
-        FileFormatError: not UTF-8 text, too large, or a link out of the folder.
-    """
+    """Return the licence beside the source; empty if none. Raise FileFormatError if no text."""
     for name in licence_names(source.stem):
         data = side_file(source.parent, name, MAX_LICENCE_BYTES)
         if data is not None:

@@ -19,21 +19,13 @@ BLOCK = 8 << 20
 
 
 def has_faces(path: Path) -> bool:
-    """Return whether a PLY file declares faces or triangle strips, or no vertices either.
-
-    Raises:
-        FileFormatError: no PLY header, or it promises more than the file can hold.
-    """
+    """Return whether a PLY file declares faces or triangle strips, or no vertices either."""
     header = read_ply_header(path)
     return header.count("face") > 0 or header.count("tristrips") > 0 or not header.count("vertex")
 
 
 def check_pcd(path: Path) -> None:
-    """Check the header of a PCD file.
-
-    Raises:
-        FileFormatError: no PCD header, no coordinates, or more points than the file can hold.
-    """
+    """Raise FileFormatError if a PCD file has no coordinates, or fewer points than it declares."""
     start = read_start(path, MAX_PCD_HEADER_BYTES)
     facts: dict[str, list[str]] = {}
     at = 0
@@ -78,22 +70,14 @@ def check_pcd(path: Path) -> None:
 
 
 def check_ply(path: Path) -> None:
-    """Refuse a PLY file that declares more than it can contain.
-
-    Raises:
-        FileFormatError: names what is wrong.
-    """
+    """Raise FileFormatError if a PLY file declares more than it can contain."""
     faces = read_ply_header(path).count("face")
     if faces > MAX_TRIANGLES:
         raise FileFormatError(path, f"declares {faces:,} faces; valid: up to {MAX_TRIANGLES:,}")
 
 
 def check_stl(path: Path) -> None:
-    """Refuse a binary STL file whose count does not fit its length.
-
-    Raises:
-        FileFormatError: names what is wrong.
-    """
+    """Raise FileFormatError if the count of a binary STL file does not fit its length."""
     size, start = check_input(path), read_start(path, STL_HEADER)
     if len(start) < 15:
         raise FileFormatError(path, f"is not an STL file: it has {size} bytes")
@@ -107,11 +91,7 @@ def check_stl(path: Path) -> None:
 
 
 def check_obj(path: Path) -> None:
-    """Refuse an OBJ file of very many groups, which would be read one by one.
-
-    Raises:
-        FileFormatError: names what is wrong.
-    """
+    """Raise FileFormatError if an OBJ file has very many groups, which are read one by one."""
     groups = 0
     last = b"\n"
     with open_input(path) as stream:
@@ -126,11 +106,7 @@ def check_obj(path: Path) -> None:
 
 
 def check_off(path: Path) -> None:
-    """Refuse an OFF file that declares more than it can contain.
-
-    Raises:
-        FileFormatError: names what is wrong.
-    """
+    """Raise FileFormatError if an OFF file declares more than it can contain."""
     lines = read_start(path, OFF_HEADER).splitlines()
     # Comments may stand between the signature and the numbers, and have numbers in them.
     words = [word for line in lines for word in line.partition(b"#")[0].split()]

@@ -8,12 +8,11 @@ import numpy as np
 from PIL import Image
 
 from ...formats.core.errors import first_line
-from .big_png import shrink_png
 
 # Larger pictures are scaled down while they are decoded.
 MAX_PIXELS, MAX_SIDE = 64_000_000, 4096
-# A progressive JPEG is decoded as a whole, whatever size is asked for.
-MAX_PROGRESSIVE_PIXELS = 200_000_000
+# All but plain JPEG is decoded as a whole before it is scaled down; 16,384 × 16,384 is in use.
+MAX_WHOLE_PIXELS = 300_000_000
 # All pictures of one scan together.
 MAX_TOTAL_PIXELS = 256_000_000
 # As many pixels are decoded at most for one scan, before anything is scaled down.
@@ -30,11 +29,7 @@ class PixelBudget:
     left: int = MAX_SOURCE_PIXELS
 
     def take(self, width: int, height: int) -> None:
-        """Deduct one image.
-
-        Raises:
-            ValueError: there are not so many left.
-        """
+        """Deduct one image; raise ValueError if there are not so many pixels left."""
         if width * height > self.left:
             raise ValueError(
                 f"the scan's images have more than {MAX_SOURCE_PIXELS:,} pixels in total"
@@ -45,10 +40,7 @@ class PixelBudget:
 def open_image(
     data: bytes, name: str, warnings: list[str], budget: PixelBudget
 ) -> Image.Image | None:
-    """Return an image within the size limits; None and a warning if it is unusable.
-
-    Small ones are not decoded yet: see `decode_all`.
-    """
+    """Return an image within the limits, large ones decoded; None and a warning if unusable."""
     try:
         return _open(data, name, warnings, budget)
     # Pillow's readers raise many types on damaged bytes.
@@ -70,18 +62,16 @@ def _open(data: bytes, name: str, warnings: list[str], budget: PixelBudget) -> I
     budget.take(width, height)
     if width * height <= MAX_PIXELS:
         return image
-    if image.format == "PNG":
-        small = Image.fromarray(shrink_png(data, MAX_SIDE))
-    elif image.format == "JPEG" and not (
-        image.info.get("progressive") and width * height > MAX_PROGRESSIVE_PIXELS
-    ):
-        scale = MAX_SIDE / max(width, height)
-        image.draft("RGB", (max(1, int(width * scale)), max(1, int(height * scale))))
-        image.thumbnail((MAX_SIDE, MAX_SIDE))
-        small = image.convert("RGB")
-        small.format = "JPEG"
-    else:
+    if image.format not in ("PNG", "JPEG"):
         raise ValueError(f"{width} × {height} pixels are too many for {image.format}")
+    whole = image.format == "PNG" or image.info.get("progressive")
+    if whole and width * height > MAX_WHOLE_PIXELS:
+        raise ValueError(f"{width} × {height} pixels are too many to be decoded as a whole")
+    scale = MAX_SIDE / max(width, height)
+    image.draft("RGB", (max(1, int(width * scale)), max(1, int(height * scale))))
+    small = _rgb(image)
+    small.thumbnail((MAX_SIDE, MAX_SIDE))
+    small.format = image.format
     warnings.append(
         f"picture {name} of {width} × {height} pixels scaled down to {small.width} × {small.height}"
     )
@@ -91,10 +81,7 @@ def _open(data: bytes, name: str, warnings: list[str], budget: PixelBudget) -> I
 def decode_all(
     images: dict[str, Image.Image], warnings: list[str]
 ) -> dict[str, Image.Image | None]:
-    """Decode images to RGB; scale all of them down if they exceed the total pixel limit.
-
-    Damaged ones become None, with a line in `warnings`.
-    """
+    """Decode images to RGB, scaled down beyond the total pixel limit; damaged ones become None."""
     total = sum(image.width * image.height for image in images.values())
     scale = min(1.0, (MAX_TOTAL_PIXELS / max(total, 1)) ** 0.5)
     if scale < 1.0:
@@ -110,10 +97,7 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
     try:
         if kind is not None and kind not in FOUND_FORMATS:
             raise ValueError(f"{kind} is not supported; valid: {', '.join(FORMATS)}")
-        if image.mode.startswith("I") or image.mode == "F":
-            # Sixteen bits; Pillow would clip them to eight.
-            image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
-        picture = image.convert("RGB")
+        picture = _rgb(image)
     except Exception as error:
         warnings.append(f"picture {name} is damaged ({first_line(error)}); its colour is used")
         return None
@@ -122,3 +106,10 @@ def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) ->
         picture = picture.resize(size, Image.Resampling.BOX)
     picture.format = kind
     return picture
+
+
+def _rgb(image: Image.Image) -> Image.Image:
+    if image.mode.startswith("I") or image.mode == "F":
+        # Sixteen bits; Pillow would clip them to eight.
+        image = Image.fromarray((np.asarray(image).astype(np.int64) >> 8).astype(np.uint8))
+    return image.convert("RGB")

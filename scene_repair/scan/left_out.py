@@ -1,22 +1,25 @@
 """Leave out parts of a scan: those that the user names, and skies and grounds around a building."""
 
+import shlex
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from trimesh.triangles import closest_point
 
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.geometry import triangle_normals, triangle_normals_and_areas
+from ..arrays import F64, I64, Mask
 from .record import Scan
 
 # What is so many times as long as all the rest together dwarfs it.
 DWARF = 8.0
 # What is left as the building has at least so many faces, and this share of all.
 LEAST_FACES, LEAST_SHARE = 12, 0.01
+# Parts are named as the cause of a scan's size if it is so much shorter without them.
+SHORTER, MOST_NAMED = 1.5, 4
 # As many parts at most make a sky and its ground.
 MOST_PARTS = 50
 # A room's walls lie this near to the rest, in its lengths; a ground has no more than this share of
@@ -37,12 +40,15 @@ def without_parts(scan: Scan, names: tuple[str, ...]) -> Scan:
     """
     drop = np.zeros(len(scan.parts), dtype=bool)
     for name in names:
-        fits = np.array([_fits(part, name) for part in scan.parts], dtype=bool)
+        # Whole names, or the last piece of a path.
+        fits = np.array(
+            [any(fnmatchcase(t, name) for t in (p, p.rpartition("/")[2])) for p in scan.parts]
+        )
         if not fits.any():
             check_name("part to exclude", name, scan.parts)
         drop |= fits
     if names:
-        scan = _kept(scan, ~drop[scan.face_part], "left out by --exclude: " + ", ".join(names))
+        scan = _selected(scan, ~drop[scan.face_part], "left out by --exclude: " + ", ".join(names))
     piece, labels = _pieces(scan)
     large = _dwarfing(scan, piece, len(labels))
     if not len(large):
@@ -52,20 +58,16 @@ def without_parts(scan: Scan, names: tuple[str, ...]) -> Scan:
         f"left out {shown}: more than {DWARF:g} times as long as all the rest, and without rooms, "
         "like a sky or a ground around a building"
     )
-    return _kept(scan, ~np.isin(piece, large), line)
+    return _selected(scan, ~np.isin(piece, large), line)
 
 
-def _fits(part: str, name: str) -> bool:
-    return any(fnmatchcase(text, name) for text in (part, part.rpartition("/")[2]))
-
-
-def _kept(scan: Scan, keep: NDArray[np.bool_], line: str) -> Scan:
+def _selected(scan: Scan, keep: Mask, line: str) -> Scan:
     if not keep.any():
         raise InputError(f"{line}: nothing is left")
     return replace(scan.take_faces(keep), warnings=(*scan.warnings, line))
 
 
-def _pieces(scan: Scan) -> tuple[NDArray[np.int64], list[str]]:
+def _pieces(scan: Scan) -> tuple[I64, list[str]]:
     """Return the piece (F,) of each face, and what to call it.
 
     The file's parts are the pieces; in a file of a single part what hangs together is one.
@@ -76,16 +78,14 @@ def _pieces(scan: Scan) -> tuple[NDArray[np.int64], list[str]]:
     ends = (np.concatenate([a, b]), np.concatenate([b, c]))
     count = len(scan.vertices)
     links = sparse.coo_matrix((np.ones(len(ends[0]), dtype=bool), ends), shape=(count, count))
-    found: Any = sparse.csgraph.connected_components(links, directed=False)
-    return found[1][a].astype(np.int64), ["a separate surface"] * found[0]
+    components: Any = sparse.csgraph.connected_components(links, directed=False)
+    return components[1][a].astype(np.int64), ["a separate surface"] * components[0]
 
 
-def _dwarfing(scan: Scan, piece: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _dwarfing(scan: Scan, piece: I64, count: int) -> I64:
     """Return the pieces that dwarf all others together and have no rooms."""
     corners = scan.vertices[scan.faces]
-    lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
-    np.minimum.at(lower, piece, corners.min(axis=1))
-    np.maximum.at(upper, piece, corners.max(axis=1))
+    lower, upper = _bounds(corners, piece, count)
     size = (upper - lower).max(axis=1)
     order = np.argsort(-size)
     order = order[size[order] > 0]
@@ -109,7 +109,40 @@ def _dwarfing(scan: Scan, piece: NDArray[np.int64], count: int) -> NDArray[np.in
     return np.empty(0, dtype=np.int64)
 
 
-def _has_rooms(corners: NDArray[np.float64], middle: NDArray[np.float64], size: float) -> bool:
+def _bounds(corners: F64, piece: I64, count: int) -> tuple[F64, F64]:
+    """Return the lower and upper corners (count, 3) of all pieces; inf and -inf of empty ones."""
+    lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(lower, piece, corners.min(axis=1))
+    np.maximum.at(upper, piece, corners.max(axis=1))
+    return lower, upper
+
+
+def advice(scan: Scan) -> str:
+    """Return advice on parts without which a scan would be much shorter; empty if there are none.
+
+    These are the part that reaches furthest out, or else the longest ones together.
+    """
+    lower, upper = _bounds(scan.vertices[scan.faces], scan.face_part, len(scan.parts))
+
+    def length(dropped: list[int]) -> float:
+        low, high = np.delete(lower, dropped, axis=0), np.delete(upper, dropped, axis=0)
+        return float((high.max(axis=0) - low.min(axis=0)).max()) if len(low) else np.inf
+
+    outermost = {int(k) for k in (*lower.argmin(axis=0), *upper.argmax(axis=0))}
+    longest = np.argsort((lower - upper).min(axis=1)).tolist()
+    dropped = min(([k] for k in sorted(outermost)), key=length)
+    for count in range(2, MOST_NAMED + 1):
+        if SHORTER * length(dropped) < length([]):
+            break
+        dropped = longest[:count]
+    times = length([]) / length(dropped)
+    if times < SHORTER:
+        return ""
+    names = " ".join(shlex.quote(scan.parts[k]) for k in dropped)
+    return f"with {names} it is {times:.3g} times as long: --exclude {names}; "
+
+
+def _has_rooms(corners: F64, middle: F64, size: float) -> bool:
     """Return whether triangles (F, 3, 3) enclose a place (3,) of that size as rooms do."""
     nearest = closest_point(corners, np.broadcast_to(middle, (len(corners), 3)))
     near = corners[np.linalg.norm(nearest - middle, axis=1) < NEAR * size]

@@ -10,7 +10,6 @@ from typing import IO, Any
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
@@ -18,6 +17,7 @@ from trimesh.visual.texture import TextureVisuals
 from ...formats.core.errors import FileFormatError, first_line
 from ...formats.untrusted.files import check_input, read_input
 from ...formats.untrusted.limits import limits
+from ..arrays import F32, I64, U8
 from ..gltf.checks import check_gltf
 from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_images
@@ -28,7 +28,7 @@ from .images import decode_all
 from .obj import without_bad_faces
 from .record import DEFAULT_COLOR, Scan, ScanMaterial, linear_to_srgb
 from .resolver import ConfinedResolver
-from .soup import Part, merge_parts
+from .soup import Part, ScanPart, merge_parts
 
 GLTF = (".glb", ".gltf")
 # What writes glTF without turning z up into y up, by its name under `asset.generator`.
@@ -119,7 +119,7 @@ def _quiet() -> Iterator[None]:
         logger.disabled = before
 
 
-def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
+def _decoded(parts: list[ScanPart], warnings: list[str]) -> list[ScanPart]:
     """Decode the images of parts, each once; parts with damaged images lose them."""
     images = {str(id(i)): i for p in parts if (i := p.material.image) is not None}
     pictures = decode_all(images, warnings)
@@ -131,11 +131,11 @@ def _decoded(parts: list[Part], warnings: list[str]) -> list[Part]:
     ]
 
 
-def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[Part]:
+def _parts(scene: trimesh.Scene, named: bool, warnings: list[str]) -> list[ScanPart]:
     """Return one part per node with triangles, in scene coordinates."""
     parts = []
     for node, geometry_node in sorted(
-        _named_nodes(scene), key=lambda one: (one[0], scene.graph[one[1]][1])
+        _named_nodes(scene), key=lambda item: (item[0], scene.graph[item[1]][1])
     ):
         transform, geometry_name = scene.graph[geometry_node]
         mesh = scene.geometry[geometry_name]
@@ -191,9 +191,7 @@ def _named_nodes(scene: trimesh.Scene) -> Iterator[tuple[str, str]]:
         yield (str(parents[node]) if several and node in parents else str(node)), node
 
 
-def _look(
-    mesh: trimesh.Trimesh, faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float32], ScanMaterial, NDArray[np.uint8] | None]:
+def _look(mesh: trimesh.Trimesh, faces: I64) -> tuple[F32, ScanMaterial, U8 | None]:
     """Return corner uv (F, 3, 2), the material, and corner colours (F, 3, 3) if there are any."""
     uv = np.zeros((len(faces), 3, 2), dtype=np.float32)
     visual: Any = mesh.visual

@@ -14,16 +14,16 @@ def without_bad_faces(data: bytes) -> tuple[bytes, int]:
     Numbers count from 1 over the whole file; negative ones count back from the vertices so far.
     """
     vertices = [match.start() for match in _VERTEX.finditer(data)]
-    kept: list[bytes] = []
+    pieces: list[bytes] = []
     at = dropped = before = 0
     for face in _FACE.finditer(data):
         while before < len(vertices) and vertices[before] < face.start():
             before += 1
         corners = [word.split(b"/")[0] for word in face[1].replace(b"\\", b" ").split()]
         if not all(_exists(corner, before, len(vertices)) for corner in corners):
-            kept.append(data[at : face.start()])
+            pieces.append(data[at : face.start()])
             at, dropped = face.end(), dropped + 1
-    return b"".join([*kept, data[at:]]), dropped
+    return b"".join([*pieces, data[at:]]), dropped
 
 
 def _exists(corner: bytes, before: int, total: int) -> bool:

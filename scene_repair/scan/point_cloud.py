@@ -4,24 +4,21 @@ Screened Poisson reconstruction (Kazhdan and Hoppe, 2013) as open3d has it, cut 
 are. Everything is seeded and runs on one thread, so that the same file gives the same surface.
 """
 
-# open3d comes with an extra, and ships no stubs of its compiled part.
-# pyright: reportMissingImports=false, reportAttributeAccessIssue=false
-
 import importlib.util
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.spatial import cKDTree
+from scipy.spatial import KDTree
 
 from ...formats.core.errors import FileFormatError, InputError, MissingExtraError
 from ...formats.core.geometry import coarse_warning, far_offset
 from ...formats.splats.ply_header import read_ply_header
+from ..arrays import F64, I64
 from .headers import check_pcd
-from .readings import LookRef, RawPart, Readings
+from .readings import LookRef, Readings
 from .record import DEFAULT_COLOR
-from .soup import MAX_COORDINATE
+from .soup import MAX_COORDINATE, Part
 
 LIBRARIES = "libgl1 libgomp1 libusb-1.0-0 libx11-6"
 # More points than this are thinned out evenly first; a room has 2 cm between them then.
@@ -70,13 +67,12 @@ def read(path: Path) -> Readings:
     painted = None
     if colors is not None:
         # One colour a vertex from the nearest points, which even out the sensor's noise.
-        _, near = cKDTree(points).query(vertices, k=4)
+        _, near = KDTree(points).query(vertices, k=4)
         at_vertex = colors[near].mean(axis=1)
         painted = np.rint(255 * np.clip(at_vertex, 0, 1)).astype(np.uint8)[faces]
-    part = RawPart(
-        "cloud", "", vertices + offset, faces, np.zeros((len(faces), 3, 2), "f4"), 0, painted
-    )
-    return Readings([part], [LookRef("points", DEFAULT_COLOR)], None, None, warnings)
+    uv, look = np.zeros((len(faces), 3, 2), "f4"), LookRef("points", DEFAULT_COLOR)
+    part = Part("cloud", "", vertices + offset, faces, uv, look, painted)
+    return Readings([part], None, None, warnings)
 
 
 def _open3d() -> Any:
@@ -95,9 +91,7 @@ def _open3d() -> Any:
     return o3d
 
 
-def _points(
-    o3d: Any, path: Path, warnings: list[str]
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None]:
+def _points(o3d: Any, path: Path, warnings: list[str]) -> tuple[F64, F64 | None, F64 | None]:
     """Return finite points (N, 3), and their sRGB colours in 0–1 and normals if there are any."""
     cloud = o3d.io.read_point_cloud(
         str(path), remove_nan_points=False, remove_infinite_points=False
@@ -126,17 +120,11 @@ def _points(
 
 
 def _thinned(
-    points: NDArray[np.float64],
-    colors: NDArray[np.float64] | None,
-    normals: NDArray[np.float64] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None, float]:
-    """Thin the points to at most `MAX_POINTS`; return their median spacing, too.
-
-    Scanners see what is near many times over: one point is kept per cell of a grid whose cells
-    grow until few enough are left.
-    """
+    points: F64, colors: F64 | None, normals: F64 | None
+) -> tuple[F64, F64 | None, F64 | None, float]:
+    """Thin the points to one per cell, at most `MAX_POINTS`; return their median spacing, too."""
     sample = points[:: max(1, len(points) // 20_000)]
-    near, _ = cKDTree(points).query(sample, k=2)
+    near, _ = KDTree(points).query(sample, k=2)
     cell = max(float(np.median(near[:, 1])), float(np.ptp(points, axis=0).max()) * 1e-6)
     origin = points.min(axis=0)
     while True:
@@ -147,24 +135,20 @@ def _thinned(
         if len(first) <= MAX_POINTS:
             break
         cell *= 1.25
-    kept = np.sort(first)
-    points = points[kept]
+    rows = np.sort(first)
+    points = points[rows]
     sample = points[:: max(1, len(points) // 20_000)]
-    near, _ = cKDTree(points).query(sample, k=2)
+    near, _ = KDTree(points).query(sample, k=2)
     return (
         points,
-        None if colors is None else colors[kept],
-        None if normals is None else normals[kept],
+        None if colors is None else colors[rows],
+        None if normals is None else normals[rows],
         max(float(np.median(near[:, 1])), 1e-12),
     )
 
 
-def _estimate_normals(o3d: Any, cloud: Any, points: NDArray[np.float64]) -> None:
-    """Estimate normals that agree with their neighbours and face the room.
-
-    Which side is seen decides the sign: rooms are scanned from inside, so that what lies outermost
-    faces the middle.
-    """
+def _estimate_normals(o3d: Any, cloud: Any, points: F64) -> None:
+    """Estimate normals that agree with their neighbours; what is outermost faces inwards."""
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
     cloud.orient_normals_consistent_tangent_plane(NEIGHBOURS)
     normals = np.asarray(cloud.normals)
@@ -175,9 +159,7 @@ def _estimate_normals(o3d: Any, cloud: Any, points: NDArray[np.float64]) -> None
         cloud.normals = o3d.utility.Vector3dVector(-normals)
 
 
-def _surface(
-    o3d: Any, cloud: Any, points: NDArray[np.float64], spacing: float
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _surface(o3d: Any, cloud: Any, points: F64, spacing: float) -> tuple[F64, I64]:
     """Return vertices and faces of the reconstruction where points support it."""
     extent = float(np.ptp(points, axis=0).max())
     depth = int(
@@ -188,7 +170,7 @@ def _surface(
     )
     vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.triangles).astype(np.int64)
     density = np.asarray(density)
-    far, _ = cKDTree(points).query(vertices)
+    far, _ = KDTree(points).query(vertices)
     supported = far <= TRIM_SPACINGS * max(spacing, extent / 2**depth / CELL_SPACINGS)
     supported &= (
         density >= np.quantile(density[supported], TRIM_SHARE) if supported.any() else False

@@ -2,25 +2,20 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .soup import Part
 
 ANSWER = "answer.json"
 
 
 @dataclass(frozen=True)
 class LookRef:
-    """A material that refers to its image by path.
-
-    Attributes:
-        name, base_color: as in `ScanMaterial`.
-        texture: absolute path of the picture, empty if none.
-        member: name inside the package `texture`, empty if that is a picture itself.
-    """
+    """A material that refers to its image: a file, or the `member` of the package `texture`."""
 
     name: str
     base_color: tuple[float, float, float]
@@ -29,24 +24,10 @@ class LookRef:
 
 
 @dataclass(frozen=True)
-class RawPart:
-    """Like `Part`, with `look` an index instead of a material."""
-
-    name: str
-    category: str
-    vertices: NDArray[Any]
-    faces: NDArray[Any]
-    uv: NDArray[np.float32]
-    look: int
-    colors: NDArray[np.uint8] | None = None
-
-
-@dataclass(frozen=True)
 class Readings:
     """The output of a reader; `up`, `unit` and `warnings` as in `Scan`."""
 
-    parts: list[RawPart]
-    looks: list[LookRef]
+    parts: list[Part[LookRef]]
     up: tuple[str, str] | None
     unit: tuple[str, str] | None
     warnings: list[str]
@@ -56,8 +37,11 @@ def write_readings(readings: Readings, folder: Path) -> None:
     """Write the concatenated arrays of all parts, then a table of the parts."""
     table, ends = [], dict.fromkeys(("vertices", "faces", "colors"), 0)
     parts = readings.parts
+    refs = list(dict.fromkeys(part.material for part in parts))
+    number = {look: k for k, look in enumerate(refs)}
     for part in parts:
-        entry: dict[str, Any] = {"name": part.name, "category": part.category, "look": part.look}
+        entry: dict[str, Any] = {"name": part.name, "category": part.category}
+        entry["look"] = number[part.material]
         for key in ends:
             array = getattr(part, key)
             count = 0 if array is None else len(array)
@@ -71,7 +55,7 @@ def write_readings(readings: Readings, folder: Path) -> None:
     _save(folder / "colors.npy", colors, (3, 3), np.uint8)
     answer = {
         "parts": table,
-        "looks": [asdict(look) for look in readings.looks],
+        "looks": [astuple(look) for look in refs],
         "up": readings.up,
         "unit": readings.unit,
         "warnings": readings.warnings,
@@ -85,32 +69,16 @@ def load_readings(data: dict[str, Any], folder: Path) -> Readings:
         np.load(folder / f"{name}.npy", allow_pickle=False)
         for name in ("vertices", "faces", "uv", "colors")
     )
+    refs = [LookRef(name, tuple(color), *file) for name, color, *file in data["looks"]]
     parts = []
     for entry in data["parts"]:
         v, f, c = (slice(*entry[key]) for key in ("vertices", "faces", "colors"))
+        arrays = vertices[v], faces[f], uv[f]
         painted = colors[c] if len(colors[c]) else None
-        parts.append(
-            RawPart(
-                entry["name"],
-                entry["category"],
-                vertices[v],
-                faces[f],
-                uv[f],
-                entry["look"],
-                painted,
-            )
-        )
-    looks = [
-        LookRef(
-            d["name"],
-            (d["base_color"][0], d["base_color"][1], d["base_color"][2]),
-            d["texture"],
-            d["member"],
-        )
-        for d in data["looks"]
-    ]
-    up, unit = ((data[k][0], data[k][1]) if data[k] else None for k in ("up", "unit"))
-    return Readings(parts, looks, up, unit, data["warnings"])
+        named = entry["name"], entry["category"]
+        parts.append(Part(*named, *arrays, refs[entry["look"]], painted))
+    up, unit = (tuple(data[k]) if data[k] else None for k in ("up", "unit"))
+    return Readings(parts, up, unit, data["warnings"])
 
 
 def _save(path: Path, pieces: Sequence[Any], shape: tuple[int, ...], dtype: Any) -> None:

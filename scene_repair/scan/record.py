@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.core.errors import without_addresses
+from ..arrays import F32, F64, I32, I64, Mask
 
 # Surfaces that say nothing of their colour: plaster.
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
@@ -38,7 +38,7 @@ class ScanObject:
 class Companion(Protocol):
     """What a scan holds beside its surface, and the bundle keeps: Gaussian splats."""
 
-    def save(self, folder: Path, source_to_world: NDArray[np.float64]) -> dict[str, Any]:
+    def save(self, folder: Path, source_to_world: F64) -> dict[str, Any]:
         """Write it into a bundle's folder, in world coordinates; return facts of the source."""
         ...
 
@@ -66,16 +66,16 @@ class Scan:
         companion: what the bundle keeps beside the surface; None for meshes and point clouds.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    corner_uv: NDArray[np.float32]
-    face_material: NDArray[np.int32]
-    face_object: NDArray[np.int32]
+    vertices: F64
+    faces: I64
+    corner_uv: F32
+    face_material: I32
+    face_object: I32
     materials: tuple[ScanMaterial, ...]
     objects: tuple[ScanObject, ...] = ()
     parts: tuple[str, ...] = ("",)
-    face_part: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
-    offset: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
+    face_part: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    offset: F64 = field(default_factory=lambda: np.zeros(3))
     up: tuple[str, str] | None = None
     unit: tuple[str, str] | None = None
     converted: bool = False
@@ -89,24 +89,24 @@ class Scan:
         if not len(self.face_part):
             object.__setattr__(self, "face_part", np.zeros(len(self.faces), dtype=np.int32))
 
-    def take_faces(self, selected: NDArray[np.bool_]) -> "Scan":
+    def take_faces(self, selected: Mask) -> "Scan":
         """Return the scan with the faces (F,) that are selected."""
         arrays = ("faces", "corner_uv", "face_material", "face_object", "face_part")
         changes: dict[str, Any] = {name: getattr(self, name)[selected] for name in arrays}
         return replace(self, **changes)
 
-    def object_faces(self) -> list[NDArray[np.int64]]:
+    def object_faces(self) -> list[I64]:
         """Return the face indices of each object."""
         order = np.argsort(self.face_object, kind="stable")
         ends = np.searchsorted(self.face_object[order], np.arange(len(self.objects) + 1))
         return [order[a:b] for a, b in pairwise(ends)]
 
 
-def srgb_to_linear(srgb: NDArray[np.float64]) -> NDArray[np.float64]:
+def srgb_to_linear(srgb: F64) -> F64:
     """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def linear_to_srgb(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+def linear_to_srgb(linear: F64) -> F64:
     """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

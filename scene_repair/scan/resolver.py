@@ -30,13 +30,10 @@ class ConfinedResolver(Resolver):
         self._budget = PixelBudget()
 
     def get(self, key: str) -> bytes:
-        """Return the bytes of the file `key`, relative to the folder.
+        """Return the bytes of the file `key`, relative to the folder; each is read once.
 
-        Pictures too large to be decoded as they are come scaled down. What is asked for again is
-        not read again.
-
-        Raises:
-            FileNotFoundError: outside the folder, missing, no plain file, or a damaged picture.
+        Pictures too large to be decoded as they are come scaled down. A FileNotFoundError is raised
+        if the file is outside the folder, missing, no plain file, or a damaged picture.
         """
         name = str(key).strip()
         try:
@@ -61,13 +58,13 @@ class ConfinedResolver(Resolver):
         return data
 
     def _within_limits(self, data: bytes, name: str) -> bytes:
-        found: list[str] = []
-        image = open_image(data, name, found, self._budget)
-        if not found:
+        messages: list[str] = []
+        image = open_image(data, name, messages, self._budget)
+        if not messages:
             return data
         if image is None:
-            return self._refuse(found[-1])
-        self.warnings += found
+            return self._refuse(messages[-1])
+        self.warnings += messages
         small = io.BytesIO()
         image.save(small, "JPEG" if image.format == "JPEG" else "PNG", quality=92)
         return small.getvalue()

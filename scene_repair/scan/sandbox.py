@@ -30,13 +30,7 @@ ONE_THREAD = ("PXR_WORK_THREAD_LIMIT", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 def read_in_child(
     reader: str, path: Path, seconds: float | None = None, memory_bytes: int = MEMORY_BYTES
 ) -> Readings:
-    """Run a reader of meshes or points in a child process; see `run_child`.
-
-    Args:
-        reader: one of `READERS`.
-        seconds: wall time it may take; None = by the file's size.
-        memory_bytes: address space it may take.
-    """
+    """Run a reader in `READERS` in a child process; see `run_child`."""
     return run_child((__name__, reader), path, load_readings, seconds, memory_bytes)
 
 
@@ -110,12 +104,7 @@ def _collected(
 
 
 def answer(path: Path, memory_bytes: int, work: Callable[[Path], None]) -> None:
-    """Do the work of a child within its limits, and leave the reason if it fails.
-
-    Args:
-        memory_bytes: address space it may take.
-        work: writes the answer into the folder that it is given, the working folder.
-    """
+    """Let `work` write a child's answer within its limits; leave the reason if it fails."""
     resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, memory_bytes))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     folder = Path.cwd()

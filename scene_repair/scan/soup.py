@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ...formats.core.geometry import coarse_warning, far_offset, triangle_areas
+from ..arrays import F32, F64, I64, U8, Mask
 from .record import Scan, ScanMaterial, ScanObject
 
 # Coordinates beyond this are damage, not distance …
@@ -24,8 +25,8 @@ MAX_FACES = (4096 // TILE) ** 2
 
 
 @dataclass(frozen=True)
-class Part:
-    """Triangles of one node that share one material.
+class Part[M]:
+    """Triangles of one node that share one material, or a reference to it.
 
     Attributes:
         name: the object they belong to; parts of one object share it.
@@ -40,24 +41,27 @@ class Part:
     category: str
     vertices: NDArray[Any]
     faces: NDArray[Any]
-    uv: NDArray[np.float32]
-    material: ScanMaterial
-    colors: NDArray[np.uint8] | None = None
+    uv: F32
+    material: M
+    colors: U8 | None = None
+
+
+ScanPart = Part[ScanMaterial]
 
 
 def merge_parts(
-    parts: Sequence[Part],
+    parts: Sequence[ScanPart],
     warnings: list[str],
     up: tuple[str, str] | None = None,
     unit: tuple[str, str] | None = None,
 ) -> Scan:
     """Merge parts into one scan; drop unusable faces with a warning."""
     materials: dict[Any, int] = {}
-    kept: list[ScanMaterial] = []
+    distinct: list[ScanMaterial] = []
     objects: dict[str, int] = {}
     names: dict[str, int] = {}
     named: list[ScanObject] = []
-    uvs: list[NDArray[np.float32]] = []
+    uvs: list[F32] = []
     of_material, of_object, of_name = [], [], []
     parts = [piece for part in parts for piece in _split_for_baking(part)]
     for part in parts:
@@ -67,8 +71,8 @@ def merge_parts(
             material = ScanMaterial(material.name, (1.0, 1.0, 1.0), image)
         key = (id(material.image) if material.image is not None else None, material.base_color)
         if key not in materials:
-            materials[key] = len(kept)
-            kept.append(material)
+            materials[key] = len(distinct)
+            distinct.append(material)
         if part.category and part.name not in objects:
             objects[part.name] = len(named)
             named.append(ScanObject(part.name, part.category))
@@ -97,7 +101,7 @@ def merge_parts(
         corner_uv=corner_uv,
         face_material=np.repeat(np.array(of_material, dtype=np.int32), sizes),
         face_object=np.repeat(np.array(of_object, dtype=np.int32), sizes),
-        materials=tuple(kept),
+        materials=tuple(distinct),
         objects=tuple(named),
         parts=tuple(names),
         face_part=np.repeat(np.array(of_name, dtype=np.int32), sizes),
@@ -112,7 +116,7 @@ def merge_parts(
     return replace(scan, vertices=vertices, faces=faces, warnings=tuple(warnings))
 
 
-def _split_for_baking(part: Part) -> list[Part]:
+def _split_for_baking(part: ScanPart) -> list[ScanPart]:
     """Split a part so that one image can hold the colours of its faces."""
     if part.colors is None or len(part.faces) <= MAX_FACES:
         return [part]
@@ -123,9 +127,7 @@ def _split_for_baking(part: Part) -> list[Part]:
     ]
 
 
-def _usable_faces(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64], warnings: list[str]
-) -> NDArray[np.bool_]:
+def _usable_faces(vertices: F64, faces: I64, warnings: list[str]) -> Mask:
     finite = np.all(np.isfinite(vertices) & (np.abs(vertices) < MAX_AWAY), axis=1)
     keep = finite[faces].all(axis=1)
     if not keep.all():
@@ -137,9 +139,7 @@ def _usable_faces(
     return keep & ~degenerate
 
 
-def weld(
-    vertices: NDArray[np.float64], faces: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def weld(vertices: F64, faces: I64) -> tuple[F64, I64]:
     """Merge vertices at bitwise equal positions, drop unused ones; faces keep their order."""
     used, inverse = np.unique(faces, return_inverse=True)
     points = vertices[used] + 0.0  # −0.0 and 0.0 are one place
@@ -152,17 +152,11 @@ def weld(
     return ordered[new], group[inverse].reshape(faces.shape)
 
 
-def bake_corner_colors(colors: NDArray[np.uint8]) -> tuple[Image.Image, NDArray[np.float32]]:
-    """Bake linear colour ramps over triangles into one image.
+def bake_corner_colors(colors: U8) -> tuple[Image.Image, F32]:
+    """Bake ramps of corner colours (F, 3, 3) into one image; return it and corner uv (F, 3, 2).
 
     Bilinear lookup between three texel centres is the barycentric ramp, if the fourth texel
-    continues the plane through the three.
-
-    Args:
-        colors: (F, 3, 3) sRGB of each corner.
-
-    Returns:
-        The image, and corner uv (F, 3, 2), v up.
+    continues the plane through the three. v is up.
     """
     count = len(colors)
     columns = max(1, int(np.ceil(np.sqrt(count))))
@@ -182,7 +176,7 @@ def bake_corner_colors(colors: NDArray[np.uint8]) -> tuple[Image.Image, NDArray[
     return Image.fromarray(pixels), uv.astype(np.float32)
 
 
-def _tiles(colors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _tiles(colors: U8) -> U8:
     """Return the tiles (n, TILE, TILE, 3) of triangles with corner colours (n, 3, 3)."""
     corner = colors.astype(np.float32)
     steps = np.arange(TILE, dtype=np.float32) - 1

@@ -5,11 +5,11 @@ chosen from which most of it can be seen.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.frames import look_at
 from ...formats.splats.record import GaussianCloud
 from ...geometry.fusion.volume import DistanceVolume
+from ..arrays import F64, Mask
 from .solid import Solid
 
 # Gaussians fainter than this make no surface worth a camera.
@@ -26,7 +26,7 @@ CANDIDATES, SAMPLES = 160, 12
 SIGHT_CELL_M, SIGHT_END_M = 0.05, 0.1
 LEAST_SHARE = 0.25
 
-View = tuple[NDArray[np.float64], NDArray[np.float64]]
+View = tuple[F64, F64]
 
 
 def closer_views(
@@ -34,11 +34,8 @@ def closer_views(
 ) -> list[View]:
     """Return cameras, each as optical centre (3,) [m] and optical axes as columns (3, 3).
 
-    Args:
-        surfaces: the Gaussians of surfaces, in normalised lengths [m].
-        volume: what was seen of them so far.
-        solid: where cameras may stand, in units of the file.
-        factor: normalised metres per unit of the file.
+    `surfaces` are in normalised lengths [m], of which `factor` make a unit of the file; `volume` is
+    what was seen of them so far, `solid` where cameras may stand, in units of the file.
     """
     position = surfaces.position.astype(np.float64)
     opaque = surfaces.opacity >= LEAST_OPACITY
@@ -46,7 +43,7 @@ def closer_views(
     places = _places(solid, factor)
     if not len(hidden) or not len(places):
         return []
-    sight = _Sight.of(position[opaque])
+    sight = _Sight(position[opaque])
     # One stream of random numbers for a capture: the same file gives the same surface.
     rng = np.random.default_rng(len(position))
     views = []
@@ -57,7 +54,7 @@ def closer_views(
     return views
 
 
-def _seen(volume: DistanceVolume, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _seen(volume: DistanceVolume, points: F64) -> Mask:
     """Return whether the voxel of each point (N, 3) or one that shares a face with it was seen."""
     index = np.rint((points - volume.origin_m) / volume.voxel_m).astype(np.int64)
     most = np.array(volume.weight.shape) - 1
@@ -68,7 +65,7 @@ def _seen(volume: DistanceVolume, points: NDArray[np.float64]) -> NDArray[np.boo
     return seen
 
 
-def _groups(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _groups(points: F64) -> list[F64]:
     """Return points that lie in the same cell of a coarse grid, the largest groups first."""
     cell = np.floor(points / GROUP_M).astype(np.int64)
     _, of, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
@@ -80,7 +77,7 @@ def _groups(points: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     ]
 
 
-def _places(solid: Solid, factor: float) -> NDArray[np.float64]:
+def _places(solid: Solid, factor: float) -> F64:
     cells = np.argwhere(solid.clearance * factor > CLEARANCE_M)
     return factor * (solid.origin + solid.cell * cells)
 
@@ -88,26 +85,21 @@ def _places(solid: Solid, factor: float) -> NDArray[np.float64]:
 class _Sight:
     """Cells that surfaces occupy, for testing lines of sight."""
 
-    def __init__(self, lower: NDArray[np.float64], occupied: NDArray[np.bool_]):
-        self._lower, self._occupied = lower, occupied
+    def __init__(self, points: F64):
+        self._lower = points.min(0)
+        index = ((points - self._lower) / SIGHT_CELL_M).astype(np.int64)
+        self._occupied = np.zeros(index.max(0) + 1, dtype=bool)
+        self._occupied[tuple(index.T)] = True
 
-    @staticmethod
-    def of(points: NDArray[np.float64]) -> "_Sight":
-        lower = points.min(0)
-        index = ((points - lower) / SIGHT_CELL_M).astype(np.int64)
-        occupied = np.zeros(index.max(0) + 1, dtype=bool)
-        occupied[tuple(index.T)] = True
-        return _Sight(lower, occupied)
-
-    def open(self, eyes: NDArray[np.float64], targets: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def open(self, eyes: F64, targets: F64) -> Mask:
         """Return (E, T) whether the line from an eye (E, 3) to a target (T, 3) is free."""
-        way = targets[None] - eyes[:, None]
-        length = np.linalg.norm(way, axis=2)
-        way = way / np.maximum(length, 1e-9)[..., None]
+        direction = targets[None] - eyes[:, None]
+        length = np.linalg.norm(direction, axis=2)
+        direction = direction / np.maximum(length, 1e-9)[..., None]
         free = length > SIGHT_END_M
         shape = np.array(self._occupied.shape)
         for reached in np.arange(0, float(length.max()), 0.6 * SIGHT_CELL_M):
-            point = eyes[:, None] + reached * way
+            point = eyes[:, None] + reached * direction
             index = np.floor((point - self._lower) / SIGHT_CELL_M).astype(np.int64)
             met = self._occupied[tuple(np.moveaxis(np.clip(index, 0, shape - 1), -1, 0))]
             met &= ((index >= 0) & (index < shape)).all(2)
@@ -115,12 +107,7 @@ class _Sight:
         return free
 
 
-def _view_of(
-    group: NDArray[np.float64],
-    places: NDArray[np.float64],
-    sight: _Sight,
-    rng: np.random.Generator,
-) -> View | None:
+def _view_of(group: F64, places: F64, sight: _Sight, rng: np.random.Generator) -> View | None:
     """Return the camera that sees most of a group (N, 3); None if none sees enough of it."""
     target = np.median(group, axis=0)
     distance = np.linalg.norm(places - target, axis=1)

@@ -7,7 +7,6 @@ fusion's thresholds are made for rooms.
 from collections.abc import Callable, Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import KDTree
 
@@ -19,6 +18,7 @@ from ...geometry.fusion.surface import ScanMesh, extract
 from ...geometry.fusion.volume import DistanceVolume
 from ...geometry.splatting.draw import Eye, SplatImage, draw_splats
 from ...geometry.splatting.scene import SplatScene
+from ..arrays import F32, F64, U8
 from ..grid.morphology import label
 from .closer import closer_views
 from .solid import Solid
@@ -53,13 +53,9 @@ SIDES = tuple(
 
 
 def fuse_splats(
-    cloud: GaussianCloud, solid: Solid, tell: Callable[[str], None]
-) -> tuple[ScanMesh, NDArray[np.uint8]]:
-    """Return the surface in units of the file, and sRGB colours (V, 3) of its vertices.
-
-    Raises:
-        SceneError: the Gaussians enclose no space to look from, or show no surface.
-    """
+    cloud: GaussianCloud, solid: Solid, progress: Callable[[str], None]
+) -> tuple[ScanMesh, U8]:
+    """Return the surface in units of the file, and sRGB (V, 3); raise SceneError if none shows."""
     volume_units = float(np.prod(solid.upper - solid.lower))
     factor = VOXEL_M / (volume_units / VOXELS) ** (1 / 3)
     similarity = np.diag([factor, factor, factor, 1.0])
@@ -77,16 +73,16 @@ def fuse_splats(
             "or a part of one that is open on two sides or more; give its "
             "surface with --collision"
         )
-    tell(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
+    progress(f"looking from {len(places)} places at {len(surfaces):,} Gaussians")
     camera = CameraModel("virtual", SIDE_PX, SIDE_PX, HFOV_DEG)
     _look(scene, volume, (Eye(camera, place, side) for place in places for side in SIDES))
     for _ in range(CLOSER_ROUNDS):
         views = closer_views(surfaces, volume, solid, factor)
         if not views:
             break
-        tell(f"looking closer at {len(views)} places")
+        progress(f"looking closer at {len(views)} places")
         _look(scene, volume, (Eye(camera, *view) for view in views))
-    tell("meshing")
+    progress("meshing")
     if not ((volume.value < 0) & (volume.weight > LEAST_WEIGHT)).any():
         raise SceneError("no surface could be fused from its Gaussians")
     mesh = smoothed(extract(volume, TARGET_FACES, LEAST_WEIGHT))
@@ -95,10 +91,7 @@ def fuse_splats(
 
 
 def smoothed(mesh: ScanMesh) -> ScanMesh:
-    """Return the mesh with the scatter of the Gaussians smoothed away, without shrinking it.
-
-    Taubin, "Curve and surface smoothing without shrinkage" (1995).
-    """
+    """Return the mesh without the scatter of the Gaussians (Taubin's smoothing, 1995)."""
     count = len(mesh.vertices)
     edges = mesh.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     both = np.concatenate([edges, edges[:, ::-1]])
@@ -112,7 +105,7 @@ def smoothed(mesh: ScanMesh) -> ScanMesh:
     return ScanMesh(points, mesh.faces)
 
 
-def stations(solid: Solid, factor: float) -> NDArray[np.float64]:
+def stations(solid: Solid, factor: float) -> F64:
     """Return camera positions (S, 3) spread over the enclosed space, normalised lengths."""
     clear = solid.clearance * factor
     open_ = clear > STATION_CLEARANCE_M
@@ -136,11 +129,8 @@ def stations(solid: Solid, factor: float) -> NDArray[np.float64]:
     return np.array(chosen)
 
 
-def surface_depth(image: SplatImage) -> NDArray[np.float32]:
-    """Return the depth (H, W) of the first surface [m], 0 = none or not to be trusted.
-
-    It is where half of the light is gone; the mean is smoother where both agree.
-    """
+def surface_depth(image: SplatImage) -> F32:
+    """Return the depth (H, W) [m] at which half of the light is gone; 0 = none to be trusted."""
     close = np.abs(image.depth_m - image.median_m) < MEAN_MEDIAN_M
     depth = np.where(close, image.depth_m, image.median_m)
     good = (image.light < MAX_LIGHT) & (depth > RANGE_M[0]) & (depth < RANGE_M[1])
@@ -159,7 +149,7 @@ def _look(scene: SplatScene, volume: DistanceVolume, eyes: Iterable[Eye]) -> Non
         )
 
 
-def _colors(cloud: GaussianCloud, points: NDArray[np.float64]) -> NDArray[np.uint8]:
+def _colors(cloud: GaussianCloud, points: F64) -> U8:
     """Return the colours (V, 3) of the Gaussians nearest to points (V, 3)."""
     _, near = KDTree(cloud.position).query(points, k=4)
     rgb = 0.5 + C0 * cloud.harmonics[:, 0]

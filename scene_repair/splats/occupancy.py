@@ -10,12 +10,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError
 from ...formats.splats.record import GaussianCloud
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.files import read_input
+from ..arrays import F64, I64, Mask
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
 
@@ -29,14 +29,10 @@ GREY = (0.75, 0.74, 0.72)
 
 
 def read_occupancy(path: Path, cloud: GaussianCloud) -> Scan:
-    """Read `occupancy.png` and the JSON file beside it.
-
-    Args:
-        cloud: the splats, in the coordinates that the map refers to.
+    """Read `occupancy.png` and the JSON file beside it; `cloud` are the splats in its coordinates.
 
     Raises:
-        FileFormatError: damaged, without its JSON file, without free space, or laid out in another
-            way than documented.
+        FileFormatError: damaged, without JSON file or free space, or not laid out as documented.
     """
     image = cv2.imdecode(
         np.frombuffer(read_input(path, max_bytes=MAX_BYTES), np.uint8), cv2.IMREAD_GRAYSCALE
@@ -63,7 +59,7 @@ def read_occupancy(path: Path, cloud: GaussianCloud) -> Scan:
     return merge_parts([part], [note], up, ("m", "InteriorGS is in metres by its documentation"))
 
 
-def _metadata(path: Path) -> tuple[float, NDArray[np.float64]]:
+def _metadata(path: Path) -> tuple[float, F64]:
     """Return metres per pixel and the lower corner (2,) [m]."""
     if not path.is_file():
         raise FileFormatError(path, "missing; it holds the position of the map")
@@ -83,11 +79,7 @@ def _metadata(path: Path) -> tuple[float, NDArray[np.float64]]:
 
 
 def _check_directions(
-    path: Path,
-    free: NDArray[np.bool_],
-    scale: float,
-    origin: NDArray[np.float64],
-    cloud: GaussianCloud,
+    path: Path, free: Mask, scale: float, origin: F64, cloud: GaussianCloud
 ) -> None:
     """Raise FileFormatError if obstacles among the splats fit a mirrored map better."""
     position = cloud.position.astype(np.float64) + cloud.offset
@@ -98,20 +90,20 @@ def _check_directions(
     if not len(cell):
         raise FileFormatError(path, "no splat lies on it; use the map of the same scene")
 
-    def wrong(picture: NDArray[np.bool_]) -> float:
+    def wrong(picture: Mask) -> float:
         return float(picture[cell[:, 1], cell[:, 0]].mean())
 
-    here = wrong(free)
+    share = wrong(free)
     others = min(wrong(free[::-1]), wrong(free[:, ::-1]), wrong(free[::-1, ::-1]))
-    if here > others + 0.02:
+    if share > others + 0.02:
         raise FileFormatError(
             path,
-            f"{here:.0%} of the splats at the height of furniture lie where it is free, but "
+            f"{share:.0%} of the splats at the height of furniture lie where it is free, but "
             f"{others:.0%} if it is mirrored: its axes are not as documented",
         )
 
 
-def _floor(free: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _floor(free: Mask) -> F64:
     """Return quads (N, 4, 3) over runs of free pixels, xy in pixels, seen from above."""
     row, start, end = _runs(free)
     low, high = np.c_[start, row], np.c_[end, row + 1]
@@ -119,10 +111,10 @@ def _floor(free: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.stack([np.c_[c, np.full(len(c), FLOOR_Z_M)] for c in corners], axis=1)
 
 
-def _walls(free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
+def _walls(free: Mask) -> list[F64]:
     """Return upright quads (N, 4, 3) along the border of the free pixels, facing them."""
     padded = np.pad(free, 1)
-    found = []
+    quads = []
     for axis in (0, 1):
         for behind in (False, True):
             lower, upper = (padded[:-1], padded[1:]) if axis == 0 else (padded.T[:-1], padded.T[1:])
@@ -135,13 +127,11 @@ def _walls(free: NDArray[np.bool_]) -> list[NDArray[np.float64]]:
             ends = [e if axis == 0 else e[:, ::-1] for e in ends]
             low = [np.c_[e, np.full(len(e), FLOOR_Z_M)] for e in ends]
             high = [np.c_[e, np.full(len(e), FLOOR_Z_M + WALL_M)] for e in ends]
-            found.append(np.stack([low[0], low[1], high[1], high[0]], axis=1))
-    return found
+            quads.append(np.stack([low[0], low[1], high[1], high[0]], axis=1))
+    return quads
 
 
-def _runs(
-    mask: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def _runs(mask: Mask) -> tuple[I64, I64, I64]:
     """Return row, first column and end (exclusive) of each run of true pixels."""
     change = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, start = np.nonzero(change == 1)

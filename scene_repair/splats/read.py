@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, SceneError
 from ...formats.splats.kind import USD_SUFFIXES, splat_kind
 from ...formats.splats.read import read_splats
 from ...formats.splats.record import GaussianCloud
 from ...formats.splats.store import save_splats
+from ..arrays import F64
 from ..scan.dispatch import check_scan, read_scan
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
@@ -30,24 +30,21 @@ OCCUPANCY = ".png"
 class KeptSplats:
     """The splats of a scan, for rendering (a `Companion`).
 
-    Attributes:
-        cloud: all of them, source coordinates.
-        surface: where the surface comes from: `fused`, or the name of the user's file.
+    `surface` says where the surface comes from: `fused`, or the name of the user's file.
     """
 
     cloud: GaussianCloud
     surface: str
 
-    def save(self, folder: Path, source_to_world: NDArray[np.float64]) -> dict[str, Any]:
-        """Write the splats into a bundle's folder, in world coordinates; return their facts.
-
-        `source_to_world` applies to the file's coordinates.
-        """
+    def save(self, folder: Path, source_to_world: F64) -> dict[str, Any]:
+        """Write the splats into a bundle's folder; `source_to_world` is for file coordinates."""
         save_splats(folder, self.cloud.transformed(source_to_world))
         return {"splats": {"count": len(self.cloud), "surface": self.surface}}
 
 
-def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | None = None) -> Scan:
+def read_splat_scan(
+    path: Path, progress: Callable[[str], None], collision: Path | None = None
+) -> Scan:
     """Read the splats of `path` and the surface that they show.
 
     Args:
@@ -74,7 +71,7 @@ def read_splat_scan(path: Path, tell: Callable[[str], None], collision: Path | N
     try:
         near = replace(cloud, offset=(0.0, 0.0, 0.0))
         solid = find_solid(near)
-        mesh, color = fuse_splats(near, solid, tell)
+        mesh, color = fuse_splats(near, solid, progress)
     except SceneError as error:
         raise FileFormatError(path, str(error)) from error
     if len(mesh.faces) < LEAST_FACES:

@@ -11,15 +11,10 @@ from .read import read_splat_scan
 
 
 def repair_splats(source: Path, out_dir: Path, config: RepairConfig | None = None) -> SceneBundle:
-    """Write the repaired scene of the splats `source`, them included; see `repair_scene`.
-
-    Raises:
-        FileFormatError: the file or one beside it is missing, damaged or shows no surface.
-        SceneError: the surface is no building with a floor.
-    """
+    """Write the repaired scene of the splats `source`, them included; see `repair_scene`."""
     return repair_scene(source, out_dir, config, read=_read)
 
 
-def _read(source: Path, config: RepairConfig, tell: Callable[[str], None]) -> Scan:
-    tell(f"reading {source.name}")
-    return read_splat_scan(source, tell, Path(config.collision) if config.collision else None)
+def _read(source: Path, config: RepairConfig, progress: Callable[[str], None]) -> Scan:
+    progress(f"reading {source.name}")
+    return read_splat_scan(source, progress, Path(config.collision) if config.collision else None)

@@ -6,14 +6,12 @@ No unit is known yet, so that every length follows from the extent of the captur
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ...formats.core.errors import SceneError
 from ...formats.splats.record import GaussianCloud
-from ..grid.morphology import distance_to
+from ..arrays import F32, F64, Mask
+from ..grid.morphology import distance_to, linked
 
 # Gaussians fainter than this never make a surface on their own.
 MIN_OPACITY = 0.08
@@ -28,6 +26,9 @@ FLOATER_SHARE = 0.04
 # Larger ones, in cells, stand for no surface, unless they are as thin as this share.
 MAX_SIZE_CELLS, FLAT = 2.0, 0.25
 LEAST_GAUSSIANS = 500
+# Half-open space from this share of the volume on is a part of a room; objects have less around.
+# Enclosed space that makes up less than this share of it is pockets.
+OPEN_SHARE, POCKET_SHARE = 0.2, 0.25
 
 
 @dataclass(frozen=True)
@@ -37,29 +38,23 @@ class Solid:
     Attributes:
         keep: (N,) bool: the Gaussian belongs to a surface.
         lower, upper: (3,) box of the surfaces, in units of the file.
-        cell: side of a cell of `free` [units].
-        origin: (3,) centre of its first cell.
-        clearance: (X, Y, Z) float32 distance to the nearest surface where a camera may stand
-            [units]; 0 elsewhere.
+        cell, origin: side of the cells of `clearance`, and centre (3,) of the first one.
+        clearance: (X, Y, Z) distance to the nearest surface where a camera may stand, else 0.
         floaters, background: numbers of Gaussians left out.
     """
 
-    keep: NDArray[np.bool_]
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    keep: Mask
+    lower: F64
+    upper: F64
     cell: float
-    origin: NDArray[np.float64]
-    clearance: NDArray[np.float32]
+    origin: F64
+    clearance: F32
     floaters: int
     background: int
 
 
 def find_solid(cloud: GaussianCloud) -> Solid:
-    """Find surfaces and the free space that they enclose.
-
-    Raises:
-        SceneError: too few Gaussians for a scene.
-    """
+    """Find surfaces and the free space that they enclose; raise SceneError if there are too few."""
     visible = cloud.opacity >= MIN_OPACITY
     main = visible.copy()
     main[visible] = _main_part(cloud.position[visible].astype(np.float64))
@@ -104,17 +99,25 @@ def find_solid(cloud: GaussianCloud) -> Solid:
     )
 
 
-def enclosed(occupied: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the free cells (X, Y, Z) from which at least five of the six axes meet a surface."""
+def enclosed(occupied: Mask) -> Mask:
+    """Return the free cells (X, Y, Z) from which most of the six axes meet a surface.
+
+    Five do in a room. Where that leaves only pockets, as under a table, while four or three leave
+    much, the capture is a part of a room, which is open on some sides.
+    """
     met = np.zeros(occupied.shape, dtype=np.uint8)
     for axis in range(3):
         ahead = np.maximum.accumulate(occupied, axis=axis)
         behind = np.flip(np.maximum.accumulate(np.flip(occupied, axis), axis=axis), axis)
         met += ahead.astype(np.uint8) + behind.astype(np.uint8)
-    return (met >= 5) & ~occupied
+    spaces = [(met >= sides) & ~occupied for sides in (5, 4, 3)]
+    widest = float(spaces[-1].mean())
+    if widest < OPEN_SHARE:
+        return spaces[0]
+    return next(space for space in spaces if space.mean() >= POCKET_SHARE * widest)
 
 
-def _main_part(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _main_part(points: F64) -> Mask:
     """Return which points (N, 3) lie in the largest connected parts of the capture."""
     if len(points) < LEAST_GAUSSIANS:
         return np.zeros(len(points), dtype=bool)
@@ -133,8 +136,6 @@ def _main_part(points: NDArray[np.float64]) -> NDArray[np.bool_]:
         at = np.clip(np.searchsorted(cells, cells + step), 0, len(cells) - 1)
         hit = np.flatnonzero((cells[at] == cells + step) & crowded & crowded[at])
         pairs.append(np.stack([hit, at[hit]]))
-    i, j = np.concatenate(pairs, axis=1)
-    graph = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(cells), len(cells)))
-    part = connected_components(graph, directed=False)[1]
+    part = linked(*np.concatenate(pairs, axis=1), len(cells))
     held = np.bincount(part, np.where(crowded, count, 0))
     return (held[part] >= MIN_SHARE * len(points))[of] & crowded[of]

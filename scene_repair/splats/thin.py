@@ -8,7 +8,6 @@ to its neighbours.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ...formats.core.frames import quat_to_matrix
@@ -33,7 +32,11 @@ SPREAD, OPACITY = 0.55, 0.9
 def with_thin_spots_closed(surfaces: GaussianCloud) -> GaussianCloud:
     """Return the Gaussians of surfaces, in metres, those of loose sheets widened and opaque."""
     size = np.sort(surfaces.scale, axis=1)
-    rows = np.flatnonzero(_lonely(surfaces) & (size[:, 0] < FLAT * size[:, 1]))
+    cell = np.floor((surfaces.position - surfaces.position.min(0)) / CELL_M).astype(np.int64)
+    key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
+    _, of, count = np.unique(key, return_inverse=True, return_counts=True)
+    lonely = count[of.ravel()] <= FEW
+    rows = np.flatnonzero(lonely & (size[:, 0] < FLAT * size[:, 1]))
     if len(surfaces) <= NEIGHBOURS or not len(rows):
         return surfaces
     tree = KDTree(surfaces.position, balanced_tree=False, compact_nodes=False)
@@ -56,11 +59,3 @@ def with_thin_spots_closed(surfaces: GaussianCloud) -> GaussianCloud:
     scale[rows] = wide
     opacity[rows] = np.maximum(opacity[rows], np.float32(OPACITY))
     return replace(surfaces, scale=scale, opacity=opacity)
-
-
-def _lonely(surfaces: GaussianCloud) -> NDArray[np.bool_]:
-    """Return which Gaussians (N,) lie in a cell with few others."""
-    cell = np.floor((surfaces.position - surfaces.position.min(0)) / CELL_M).astype(np.int64)
-    key = (cell[:, 0] << 42) | (cell[:, 1] << 21) | cell[:, 2]
-    _, of, count = np.unique(key, return_inverse=True, return_counts=True)
-    return count[of.ravel()] <= FEW

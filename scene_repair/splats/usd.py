@@ -9,9 +9,6 @@ coefficient). Neither says which way is up: the stage's axis is what the exporte
 Run as a module it is the child that `read_usd_splats` starts: USD's library may crash or hang.
 """
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import json
 import sys
 import zlib
@@ -21,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.errors import FileFormatError, MissingExtraError
 from ...formats.splats.record import (
@@ -34,6 +30,7 @@ from ...formats.splats.record import (
 )
 from ...formats.untrusted.files import read_input
 from ...formats.untrusted.limits import limits
+from ..arrays import F32, F64
 from ..scan.readings import ANSWER
 from ..scan.sandbox import answer, run_child
 
@@ -101,9 +98,7 @@ def _read(path: Path) -> GaussianCloud:
     return replace(joined(clouds), warnings=tuple(warnings))
 
 
-def _moved(
-    path: Path, cloud: GaussianCloud, world: NDArray[np.float64], *, nurec: bool
-) -> GaussianCloud:
+def _moved(path: Path, cloud: GaussianCloud, world: F64, *, nurec: bool) -> GaussianCloud:
     """Apply a (4, 4) transform of row vectors, as USD has them.
 
     3DGRUT writes the matrix of a NuRec volume for column vectors, which its translation shows.
@@ -119,19 +114,19 @@ def _moved(
 
 
 def _particle_field(path: Path, prim: Any) -> GaussianCloud:
-    def values(name: str, width: int) -> NDArray[np.float32] | None:
+    def values(name: str, width: int) -> F32 | None:
         # Each attribute has a twin in half precision.
         for attribute in (prim.GetAttribute(name), prim.GetAttribute(f"{name}h")):
-            found = attribute.Get() if attribute.IsValid() else None
-            if found is not None and len(found):
-                return np.array(found, dtype=np.float32).reshape(-1, width)
+            data = attribute.Get() if attribute.IsValid() else None
+            if data is not None and len(data):
+                return np.array(data, dtype=np.float32).reshape(-1, width)
         return None
 
-    def needed(name: str, width: int) -> NDArray[np.float32]:
-        found = values(name, width)
-        if found is None:
+    def needed(name: str, width: int) -> F32:
+        data = values(name, width)
+        if data is None:
             raise FileFormatError(path, f"{prim.GetPath()} has no {name}")
-        return found
+        return data
 
     position = needed("positions", 3)
     count = len(position)
@@ -185,7 +180,7 @@ def _nurec(path: Path, prim: Any) -> GaussianCloud:
         raise FileFormatError(path, f"damaged NuRec volume: {error!r}") from error
 
 
-def _array(state: dict[str, Any], name: str) -> NDArray[np.float32]:
+def _array(state: dict[str, Any], name: str) -> F32:
     raw, shape = state[PREFIX + name], [int(n) for n in state[f"{PREFIX}{name}.shape"]]
     count = int(np.prod(shape))
     size = len(raw) // max(count, 1) if count else 2

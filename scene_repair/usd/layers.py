@@ -1,8 +1,5 @@
 """Check every layer that a USD file depends on before the stage is composed."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import posixpath
 import re
 from collections import deque
@@ -20,10 +17,7 @@ SIGNATURES = {b"#usda": ".usda", b"#usd ": ".usda", b"PXR-U": ".usdc", b"PK\x03\
 
 
 def check_layers(root: Path) -> list[str]:
-    """Open each layer that `root` depends on by itself, and refuse invalid ones.
-
-    Returns:
-        Warnings: references to files that are missing.
+    """Open each layer that `root` depends on by itself; return warnings of files that are missing.
 
     Raises:
         FileFormatError: a layer is damaged, or refers to something outside the folder of `root`.
@@ -61,8 +55,8 @@ def _references(path: Path, identifier: str) -> list[str]:
     if layer is None:
         raise FileFormatError(path, "cannot be read as USD")
     _refuse_clips(path, layer)
-    found = {*layer.GetCompositionAssetDependencies(), *layer.GetExternalAssetDependencies()}
-    return sorted(found)
+    paths = {*layer.GetCompositionAssetDependencies(), *layer.GetExternalAssetDependencies()}
+    return sorted(paths)
 
 
 def _check_inside(path: Path) -> None:
@@ -86,11 +80,7 @@ def _check_inside(path: Path) -> None:
 
 
 def check_signature(path: Path) -> None:
-    """Check the file signature of a layer.
-
-    Raises:
-        FileFormatError: no USD file, or of another kind than its name says.
-    """
+    """Raise FileFormatError if a layer is no USD file, or of another kind than its name says."""
     suffix = path.suffix.lower()
     start = read_start(path, 5)
     kind = next((k for s, k in SIGNATURES.items() if start.startswith(s)), None)
@@ -100,25 +90,23 @@ def check_signature(path: Path) -> None:
 
 def _refuse_clips(path: Path, layer: Sdf.Layer) -> None:
     """Refuse value clips, which open further files while values are read."""
-    found: list[str] = []
+    paths: list[str] = []
 
     def visit(at: Sdf.Path) -> None:
         if at.IsPrimPath() or at.IsPrimVariantSelectionPath():
             spec = layer.GetPrimAtPath(at)
             if spec is not None and spec.HasInfo("clips"):
-                found.append(str(at))
+                paths.append(str(at))
 
     layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-    if found:
-        raise FileFormatError(path, f"{found[0]}: value clips are not supported; bake them")
+    if paths:
+        raise FileFormatError(path, f"{paths[0]}: value clips are not supported; bake them")
 
 
 def confined(folder: Path, layer: Path, reference: str) -> Path | None:
     """Return the file that `reference` in `layer` points to; None if it is missing.
 
-    Raises:
-        FileFormatError: it lies outside `folder` (links followed), or cannot be resolved before
-            composing.
+    A FileFormatError is raised if it lies outside `folder`, or cannot be resolved before composing.
     """
     if reference.startswith("`"):
         raise FileFormatError(

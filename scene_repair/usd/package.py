@@ -10,11 +10,7 @@ MAX_MEMBERS, MAX_MEMBER_BYTES = 100_000, 2 << 30
 
 
 def check_package(path: Path) -> list[str]:
-    """Return the names of the members; raise if one is compressed, inconsistent or outside.
-
-    Raises:
-        FileFormatError: not a package that USD may read.
-    """
+    """Return the names of the members; raise FileFormatError if one is compressed or outside."""
     size = check_input(path)
     try:
         with open_input(path) as stream, zipfile.ZipFile(stream) as package:
@@ -45,11 +41,7 @@ def check_package(path: Path) -> list[str]:
 
 
 def read_member(path: Path, name: str) -> bytes:
-    """Return the bytes of one member; the package must have been checked.
-
-    Raises:
-        FileFormatError: there is no such member, or it is damaged or larger than 2 GiB.
-    """
+    """Return the bytes of a member of a checked package; raise FileFormatError if damaged."""
     try:
         with open_input(path) as stream, zipfile.ZipFile(stream) as package:
             size = package.getinfo(name).file_size

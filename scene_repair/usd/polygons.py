@@ -2,12 +2,11 @@
 
 import mapbox_earcut
 import numpy as np
-from numpy.typing import NDArray
+
+from ..arrays import F64, I64, Mask
 
 
-def triangulate(
-    points: NDArray[np.float64], counts: NDArray[np.int64], indices: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64]:
     """Triangulate polygons: convex ones as fans, others by ear clipping in their plane.
 
     Args:
@@ -45,13 +44,13 @@ def triangulate(
     return np.concatenate(triangles)[order], of[order]
 
 
-def _newell(place: NDArray[np.float64]) -> NDArray[np.float64]:
+def _newell(place: F64) -> F64:
     """Return area vectors (…, 3) of polygons (…, n, 3) by Newell's method."""
     local = place - place[..., :1, :]
     return np.cross(local, np.roll(local, -1, axis=-2)).sum(axis=-2)
 
 
-def _convex(place: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _convex(place: F64) -> Mask:
     """Return whether each polygon (n, k, 3) is convex and simple."""
     with np.errstate(invalid="ignore", over="ignore"):
         normal = _newell(place)
@@ -65,7 +64,7 @@ def _convex(place: NDArray[np.float64]) -> NDArray[np.bool_]:
         return convex | ~(np.linalg.norm(normal, axis=1) > 0)
 
 
-def _ears(place: NDArray[np.float64]) -> NDArray[np.int64]:
+def _ears(place: F64) -> I64:
     """Return triangles (t, 3) of one polygon (k, 3) with the polygon's winding."""
     normal = _newell(place)
     across = np.argsort(np.abs(normal))[:2]

@@ -1,8 +1,5 @@
 """Read triangles, texture coordinates and colours of USD's geometric prims."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,8 +9,10 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from ...formats.core.errors import FileFormatError
-from ..scan.readings import LookRef, RawPart
+from ..arrays import F64, I64, U8, Mask
+from ..scan.readings import LookRef
 from ..scan.record import linear_to_srgb
+from ..scan.soup import Part
 from .polygons import triangulate
 from .read_materials import Look, StageMaterials
 from .read_objects import object_of
@@ -21,38 +20,20 @@ from .shapes import simple_shape
 
 MAX_TRIANGLES = 20_000_000
 TIME = Usd.TimeCode.EarliestTime()
-Matrix = NDArray[np.float64]
 
 
 class PartList:
-    """Parts read so far, and the materials that they refer to.
-
-    Args:
-        path: the file, for errors.
-        warnings: gets a line for what is skipped.
-    """
+    """Parts read from `path`, their materials, and how many prims were visited."""
 
     def __init__(self, path: Path, materials: StageMaterials, warnings: list[str]):
         self.path, self.materials, self.warnings = path, materials, warnings
-        self.parts: list[RawPart] = []
-        self.looks: list[LookRef] = []
-        self._index: dict[LookRef, int] = {}
-        self._triangles = self._prims = 0
+        self.parts: list[Part[LookRef]] = []
+        self.prims = self._triangles = 0
 
     def warn(self, line: str) -> None:
         """Add a warning, once."""
         if line not in self.warnings:
             self.warnings.append(line)
-
-    def count_prim(self, limit: int) -> None:
-        """Count a visited prim.
-
-        Raises:
-            FileFormatError: more than `limit` of them.
-        """
-        self._prims += 1
-        if self._prims > limit:
-            raise FileFormatError(self.path, f"contains more than {limit:,} prims")
 
     def add(
         self,
@@ -60,36 +41,20 @@ class PartList:
         points: NDArray[Any],
         faces: NDArray[Any],
         uv: NDArray[Any],
-        ref: LookRef,
-        colors: NDArray[np.uint8] | None,
+        look: LookRef,
+        colors: U8 | None,
     ) -> None:
-        """Append one part.
-
-        Raises:
-            FileFormatError: too many triangles together.
-        """
+        """Append one part; raise FileFormatError if there are too many triangles together."""
         self._triangles += len(faces)
         if self._triangles > MAX_TRIANGLES:
             raise FileFormatError(self.path, f"contains more than {MAX_TRIANGLES:,} triangles")
         used, faces = np.unique(faces, return_inverse=True)
-        look = self._index.setdefault(ref, len(self.looks))
-        if look == len(self.looks):
-            self.looks.append(ref)
-        name, category = named
-        self.parts.append(
-            RawPart(
-                name,
-                category,
-                points[used],
-                faces.reshape(-1, 3).astype(np.int32),
-                np.nan_to_num(uv.astype(np.float32), posinf=0.0, neginf=0.0),
-                look,
-                colors,
-            )
-        )
+        faces = faces.reshape(-1, 3).astype(np.int32)
+        uv = np.nan_to_num(uv.astype(np.float32), posinf=0.0, neginf=0.0)
+        self.parts.append(Part(*named, points[used], faces, uv, look, colors))
 
 
-def add_gprim(gprim: UsdGeom.Gprim, to_world: Matrix, instance: str, parts: PartList) -> None:
+def add_gprim(gprim: UsdGeom.Gprim, to_world: F64, instance: str, parts: PartList) -> None:
     """Add the triangles of a prim; `to_world` (4, 4) acts on row vectors."""
     prim = gprim.GetPrim()
     name, category = object_of(prim)
@@ -118,9 +83,7 @@ def _bound(prim: Usd.Prim) -> UsdShade.Material | None:
     return material if material else None
 
 
-def _add_mesh(
-    mesh: UsdGeom.Mesh, to_world: Matrix, named: tuple[str, str], parts: PartList
-) -> None:
+def _add_mesh(mesh: UsdGeom.Mesh, to_world: F64, named: tuple[str, str], parts: PartList) -> None:
     prim = mesh.GetPrim()
     points = np.array(mesh.GetPointsAttr().Get(TIME) or np.zeros((0, 3)), dtype=np.float64)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(TIME) or [], dtype=np.int64)
@@ -152,35 +115,32 @@ def _add_mesh(
         where = Corners(corner[selected], face[selected], indices, len(points), len(counts))
         uv = _texture_coordinates(prim, look, where, parts)
         ref, painted = look.ref, None
-        one = None
+        corner_colors = None
         if colors is not None and not _bound(prim):
-            one = where.spread(colors, interpolation)
-        if colors is not None and one is not None:
+            corner_colors = where.spread(colors, interpolation)
+        if colors is not None and corner_colors is not None:
             if interpolation == UsdGeom.Tokens.constant:
                 ref = LookRef("display", _rgb(colors[0]))
             else:
-                painted = np.rint(255 * linear_to_srgb(np.clip(one, 0, 1))).astype(np.uint8)
+                srgb = linear_to_srgb(np.clip(corner_colors, 0, 1))
+                painted = np.rint(255 * srgb).astype(np.uint8)
         parts.add(named, world, indices[where.corner], uv, ref, painted)
 
 
 @dataclass(frozen=True)
 class Corners:
-    """Triangles among the polygons of a mesh.
+    """Triangles (T, 3) of polygons `face` (T,) of a mesh, as positions in `indices` (C,).
 
-    Attributes:
-        corner: (T, 3) positions in `indices`.
-        face: (T,) polygon of each.
-        indices: (C,) points of the polygons' corners.
-        points, polygons: how many the mesh has.
+    `points` and `polygons` are how many the mesh has.
     """
 
-    corner: NDArray[np.int64]
-    face: NDArray[np.int64]
-    indices: NDArray[np.int64]
+    corner: I64
+    face: I64
+    indices: I64
     points: int
     polygons: int
 
-    def spread(self, rows: NDArray[np.float64], interpolation: str) -> NDArray[np.float64] | None:
+    def spread(self, rows: F64, interpolation: str) -> F64 | None:
         """Return values (T, 3, k) at the triangles' corners; None if their number does not fit."""
         tokens = UsdGeom.Tokens
         if interpolation == tokens.constant and len(rows):
@@ -194,40 +154,33 @@ class Corners:
         return None
 
 
-def _triangles(
-    points: NDArray[np.float64],
-    counts: NDArray[np.int64],
-    indices: NDArray[np.int64],
-    usable: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _triangles(points: F64, counts: I64, indices: I64, usable: Mask) -> tuple[I64, I64]:
     """Triangulate the usable polygons only, numbered as among all; see `triangulate`."""
     if usable.all():
         return triangulate(points, counts, indices)
-    kept = np.flatnonzero(np.repeat(usable, counts))
-    corners, owner = triangulate(points, counts[usable], indices[kept])
-    return kept[corners], np.flatnonzero(usable)[owner]
+    used = np.flatnonzero(np.repeat(usable, counts))
+    corners, owner = triangulate(points, counts[usable], indices[used])
+    return used[corners], np.flatnonzero(usable)[owner]
 
 
 def _by_look(
-    mesh: UsdGeom.Mesh, owner: NDArray[np.int64], polygons: int, parts: PartList
-) -> list[tuple[Look, NDArray[np.int64]]]:
+    mesh: UsdGeom.Mesh, owner: I64, polygons: int, parts: PartList
+) -> list[tuple[Look, I64]]:
     """Return the triangles by material: subsets of faces first, the mesh's own for the rest."""
     prim = mesh.GetPrim()
     number = np.zeros(polygons, dtype=np.int64)
-    looks = [parts.materials.of(_bound(prim))]
+    materials = [parts.materials.of(_bound(prim))]
     for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
         selected = np.array(subset.GetIndicesAttr().Get(TIME) or [], dtype=np.int64)
-        number[selected[(selected >= 0) & (selected < polygons)]] = len(looks)
-        looks.append(parts.materials.of(_bound(subset.GetPrim())))
-    if len(looks) == 1:
-        return [(looks[0], np.arange(len(owner)))] if len(owner) else []
+        number[selected[(selected >= 0) & (selected < polygons)]] = len(materials)
+        materials.append(parts.materials.of(_bound(subset.GetPrim())))
+    if len(materials) == 1:
+        return [(materials[0], np.arange(len(owner)))] if len(owner) else []
     of = number[owner]
-    return [(looks[k], np.flatnonzero(of == k)) for k in np.unique(of)]
+    return [(materials[k], np.flatnonzero(of == k)) for k in np.unique(of)]
 
 
-def _texture_coordinates(
-    prim: Usd.Prim, look: Look, where: Corners, parts: PartList
-) -> NDArray[np.float64]:
+def _texture_coordinates(prim: Usd.Prim, look: Look, where: Corners, parts: PartList) -> F64:
     nothing = np.zeros((len(where.corner), 3, 2))
     if not look.ref.texture:
         return nothing
@@ -235,8 +188,8 @@ def _texture_coordinates(
     primvar = api.FindPrimvarWithInheritance(look.primvar) if look.primvar else None
     if not primvar or not primvar.HasValue():
         kinds = (Sdf.ValueTypeNames.TexCoord2fArray, Sdf.ValueTypeNames.Float2Array)
-        found = [p for p in api.GetPrimvarsWithValues() if p.GetTypeName() in kinds]
-        primvar = found[0] if found else None
+        candidates = [p for p in api.GetPrimvarsWithValues() if p.GetTypeName() in kinds]
+        primvar = candidates[0] if candidates else None
     values = None if primvar is None else primvar.ComputeFlattened(TIME)
     if primvar is None or values is None:
         parts.warn(f"{prim.GetPath()}: has a picture, but no texture coordinates")
@@ -249,7 +202,7 @@ def _texture_coordinates(
     return uv @ look.to_uv[:, :2].T + look.to_uv[:, 2]
 
 
-def _display_color(gprim: UsdGeom.Gprim) -> tuple[NDArray[np.float64] | None, str]:
+def _display_color(gprim: UsdGeom.Gprim) -> tuple[F64 | None, str]:
     primvar = UsdGeom.PrimvarsAPI(gprim.GetPrim()).FindPrimvarWithInheritance("displayColor")
     values = primvar.ComputeFlattened(TIME) if primvar and primvar.HasValue() else None
     # Values of an unknown type come as one opaque object.
@@ -259,6 +212,6 @@ def _display_color(gprim: UsdGeom.Gprim) -> tuple[NDArray[np.float64] | None, st
     return colors, primvar.GetInterpolation() if len(colors) > 1 else UsdGeom.Tokens.constant
 
 
-def _rgb(linear: NDArray[np.float64]) -> tuple[float, float, float]:
+def _rgb(linear: F64) -> tuple[float, float, float]:
     r, g, b = (float(v) for v in linear_to_srgb(np.clip(linear, 0.0, 1.0)))
     return r, g, b

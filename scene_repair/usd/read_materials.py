@@ -1,8 +1,5 @@
 """Read the materials of a USD stage: colour and image of what is bound to a prim."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import posixpath
 import re
 from dataclasses import dataclass
@@ -10,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdShade
 
 from ...formats.core.errors import FileFormatError
 from ...formats.untrusted.files import read_input
+from ..arrays import F64
 from ..scan.readings import LookRef
 from ..scan.record import DEFAULT_COLOR, linear_to_srgb
 
@@ -30,28 +27,18 @@ TIME = Usd.TimeCode.EarliestTime()
 
 @dataclass(frozen=True)
 class Look:
-    """A material: the path of its image, its texture coordinates and their transform.
-
-    Attributes:
-        primvar: name of the texture coordinates; empty = the mesh's first.
-        to_uv: (2, 3) affine map that the coordinates go through.
-    """
+    """A material; the primvar of its coordinates, empty = the first, and their (2, 3) map."""
 
     ref: LookRef
     primvar: str
-    to_uv: NDArray[np.float64]
+    to_uv: F64
 
 
 PLAIN = Look(LookRef("plain", DEFAULT_COLOR), "", np.eye(2, 3))
 
 
 class StageMaterials:
-    """Materials of a stage, each resolved once.
-
-    Args:
-        folder: pictures outside of it are not used.
-        warnings: gets a line for each.
-    """
+    """Materials of a stage, each resolved once; pictures outside of `folder` are not used."""
 
     def __init__(self, folder: Path, warnings: list[str]):
         self.folder, self.warnings = folder, warnings
@@ -89,7 +76,7 @@ class StageMaterials:
 
     def _color(
         self, shader: UsdShade.Shader
-    ) -> tuple[NDArray[np.float64] | None, tuple[str, Sdf.Layer] | None, UsdShade.Shader | None]:
+    ) -> tuple[F64 | None, tuple[str, Sdf.Layer] | None, UsdShade.Shader | None]:
         """Return linear colour or scale, picture (name, layer that names it), texture shader."""
         for name in COLOR_INPUTS:
             port = shader.GetInput(name)
@@ -107,8 +94,8 @@ class StageMaterials:
                     continue
                 value = attribute.Get(TIME)
                 if value is not None and len(np.shape(value)) == 1 and np.shape(value)[0] >= 3:
-                    found = np.array(value, dtype=float)[:3]
-                    return found, self._any_texture(shader), None
+                    result = np.array(value, dtype=float)[:3]
+                    return result, self._any_texture(shader), None
         return None, self._any_texture(shader), None
 
     def _any_texture(self, shader: UsdShade.Shader) -> tuple[str, Sdf.Layer] | None:
@@ -160,9 +147,9 @@ def _asset(port: UsdShade.Input | None) -> tuple[str, Sdf.Layer] | None:
     if not port:
         return None
     for attribute in UsdShade.Utils.GetValueProducingAttributes(port):
-        found = _asset_of(attribute)
-        if found is not None:
-            return found
+        result = _asset_of(attribute)
+        if result is not None:
+            return result
     return None
 
 
@@ -175,7 +162,7 @@ def _asset_of(attribute: Usd.Attribute) -> tuple[str, Sdf.Layer] | None:
     return (str(value.path), named[0].layer) if named else None
 
 
-def _coordinates(texture: UsdShade.Shader) -> tuple[str, NDArray[np.float64]]:
+def _coordinates(texture: UsdShade.Shader) -> tuple[str, F64]:
     """Return the primvar that a texture reads and the affine map (2, 3) of its `st` input."""
     to_uv = np.eye(3)
     port = texture.GetInput("st")
@@ -197,7 +184,7 @@ def _coordinates(texture: UsdShade.Shader) -> tuple[str, NDArray[np.float64]]:
     return "", to_uv[:2]
 
 
-def _transform(shader: UsdShade.Shader) -> NDArray[np.float64]:
+def _transform(shader: UsdShade.Shader) -> F64:
     """Return (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
 
     def get(name: str, default: Any) -> Any:

@@ -1,16 +1,13 @@
 """Read USD stages into parts; runs in a child process, see `sandbox`."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import re
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom
 
 from ...formats.core.errors import FileFormatError
+from ..arrays import F64
 from ..config import UNIT_M
 from ..scan.readings import Readings
 from .layers import brief, check_layers
@@ -22,15 +19,10 @@ MAX_PRIMS, MAX_DEPTH = 3_000_000, 200
 NUREC, NUREC_KIND = "omni:nurec:isNuRecVolume", "NuRec volume of 3DGRUT"
 AS_SCENE = "they are read where the file is given as a scan, not as --collision"
 TIME = Usd.TimeCode.EarliestTime()
-Matrix = NDArray[np.float64]
 
 
 def read(path: Path) -> Readings:
-    """Read everything visible in the stage `path` at its earliest time.
-
-    Raises:
-        FileFormatError: damaged, in a circle, referring outside its folder, or too large.
-    """
+    """Read all that is visible at its earliest time; raise FileFormatError if damaged."""
     warnings = check_layers(path)
     stage = open_stage(path, warnings)
     parts = PartList(path, StageMaterials(path.parent.resolve(), warnings), warnings)
@@ -44,7 +36,7 @@ def read(path: Path) -> Readings:
         if not parts.parts:
             raise FileFormatError(path, f"holds Gaussian splats ({splats}) and no mesh; {AS_SCENE}")
         warnings.append(f"Gaussian splats ({splats}) beside the meshes left out; {AS_SCENE}")
-    return Readings(parts.parts, parts.looks, up, unit, warnings)
+    return Readings(parts.parts, up, unit, warnings)
 
 
 def _splats(stage: Usd.Stage) -> str:
@@ -64,11 +56,7 @@ def splats_in(prim: Usd.Prim) -> str:
 
 
 def open_stage(path: Path, warnings: list[str]) -> Usd.Stage:
-    """Return the composed stage; layers that are missing are added to `warnings`.
-
-    Raises:
-        FileFormatError: damaged, or in a circle.
-    """
+    """Return the composed stage, missing layers in `warnings`; raise FileFormatError if damaged."""
     try:
         stage = Usd.Stage.Open(Sdf.Layer.FindOrOpen(str(path.resolve())), Usd.Stage.LoadAll)
         problems = stage.GetCompositionErrors() if stage else []
@@ -105,28 +93,20 @@ def _conventions(
 
 
 def _walk(
-    prim: Usd.Prim,
-    outer: Matrix,
-    name: str,
-    parts: PartList,
-    xforms: UsdGeom.XformCache,
-    depth: int,
+    prim: Usd.Prim, outer: F64, name: str, parts: PartList, xforms: UsdGeom.XformCache, depth: int
 ) -> None:
-    """Add everything visible below `prim`.
+    """Add everything visible below `prim`, which lies `depth` instancers deep, to `parts`.
 
-    Args:
-        prim: where to begin.
-        outer: (4, 4) row-vector transform applied after the prims' own.
-        name: names the instance that this is part of, empty if none.
-        parts: gets the triangles.
-        depth: how many instancers lie above.
+    `outer` (4, 4) is a row-vector transform applied after the prims' own; `name` is the instance's.
     """
     if depth > MAX_DEPTH:
         raise FileFormatError(parts.path, "point instancers nested too deeply")
     predicate = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     walk = iter(Usd.PrimRange(prim, predicate))
     for at in walk:
-        parts.count_prim(MAX_PRIMS)
+        parts.prims += 1
+        if parts.prims > MAX_PRIMS:
+            raise FileFormatError(parts.path, f"contains more than {MAX_PRIMS:,} prims")
         if _hidden(at):
             walk.PruneChildren()
         elif at.IsA(UsdGeom.PointInstancer):
@@ -152,7 +132,7 @@ def _hidden(prim: Usd.Prim) -> bool:
 
 def _instances(
     instancer: UsdGeom.PointInstancer,
-    outer: Matrix,
+    outer: F64,
     name: str,
     parts: PartList,
     xforms: UsdGeom.XformCache,
@@ -169,7 +149,7 @@ def _instances(
     if placed is None or len(placed) != len(which):
         parts.warn(f"{prim.GetPath()}: as many positions as indices are needed; skipped")
         return
-    here = np.array(xforms.GetLocalToWorldTransform(prim))
+    own = np.array(xforms.GetLocalToWorldTransform(prim))
     stage = prim.GetStage()
     for k, index in enumerate(which):
         if len(mask) and not mask[k]:
@@ -186,5 +166,5 @@ def _instances(
         if abs(np.linalg.det(above)) < 1e-300:
             parts.warn(f"{targets[index]}: its place cannot be undone; skipped")
             continue
-        moved = np.linalg.inv(above) @ np.array(placed[k]) @ here @ outer
+        moved = np.linalg.inv(above) @ np.array(placed[k]) @ own @ outer
         _walk(prototype, moved, f"{name or prim.GetPath()}[{k}]", parts, xforms, depth + 1)

@@ -1,15 +1,12 @@
 """Triangulate USD's primitive shapes: cubes, planes, cylinders, cones, capsules, spheres."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from ...formats.core.geometry import triangle_areas
+from ..arrays import F64, I64
 
 SIDES = 24
 TIME = Usd.TimeCode.EarliestTime()
@@ -18,7 +15,7 @@ TURNS = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}
 # Where a plane's width and length lie, by the axis that it faces (UsdGeomPlane); the rest is 0.
 PLANE_SIDES = {"X": (2, 1), "Y": (0, 2), "Z": (0, 1)}
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-Shape = tuple[NDArray[np.float64], NDArray[np.int64]]
+Shape = tuple[F64, I64]
 
 
 def simple_shape(prim: Usd.Prim) -> Shape | None:
@@ -44,9 +41,7 @@ def simple_shape(prim: Usd.Prim) -> Shape | None:
     return points[:, TURNS[axis]], faces
 
 
-def _profile(
-    prim: Usd.Prim, size: Callable[[str, float], float]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+def _profile(prim: Usd.Prim, size: Callable[[str, float], float]) -> tuple[F64, F64] | None:
     """Return heights and radii of the rings of a round shape along its axis, lowest first."""
     if prim.IsA(UsdGeom.Sphere):
         return _rounded(0.0, size("radius", 1.0), size("radius", 1.0))
@@ -64,9 +59,7 @@ def _profile(
     return None
 
 
-def _rounded(
-    height: float, bottom: float, top: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _rounded(height: float, bottom: float, top: float) -> tuple[F64, F64]:
     """Return a truncated cone tangent to the spheres that round its ends; a sphere without height.
 
     The rings where they meet have the radii `bottom` and `top` and are `height` apart.
@@ -82,9 +75,7 @@ def _rounded(
         -height / 2 + bottom * (stretch * np.sin(below) - slope),
         height / 2 + top * (stretch * np.sin(above) - slope),
     ]
-    radii = np.concatenate(
-        [bottom * stretch * np.cos(below), top * stretch * np.cos(above)],
-    )
+    radii = np.concatenate([bottom * stretch * np.cos(below), top * stretch * np.cos(above)])
     radii[[0, -1]] = 0.0
     return np.concatenate(heights), radii
 
@@ -97,9 +88,7 @@ def _plane(width: float, length: float, axis: str) -> Shape:
     return points, faces if axis == "Z" else faces[:, ::-1]
 
 
-def _swept(
-    heights: NDArray[np.float64], radii: NDArray[np.float64], outline: NDArray[np.float64]
-) -> Shape:
+def _swept(heights: F64, radii: F64, outline: F64) -> Shape:
     """Sweep an outline (n, 2), counter-clockwise, over rings (R heights and radii); closed."""
     count, sides = len(heights), len(outline)
     rings = [

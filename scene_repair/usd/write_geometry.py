@@ -1,13 +1,10 @@
 """Write meshes of the USD scene: visual ones, and colliders of floor and obstacles."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from ...formats.scene.bundle import Floor, Obstacles
+from ..arrays import F32, F64, I32, I64
 from ..grid.morphology import grow
 
 # Cells of a floor that differ by more do not slope into each other.
@@ -21,9 +18,9 @@ _BOX_QUADS = np.array(
 def visual_mesh(
     stage: Usd.Stage,
     path: str,
-    corners: NDArray[np.float32],
-    index: NDArray[np.int32],
-    corner_uv: NDArray[np.float32],
+    corners: F32,
+    index: I32,
+    corner_uv: F32,
     material: UsdShade.Material,
 ) -> None:
     """Write a textured mesh: points (V, 3) [m], triangles (F, 3), v-up coordinates (F, 3, 2)."""
@@ -38,11 +35,7 @@ def visual_mesh(
 
 
 def collider(
-    stage: Usd.Stage,
-    path: str,
-    points: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    material: UsdShade.Material,
+    stage: Usd.Stage, path: str, points: F64, faces: I64, material: UsdShade.Material
 ) -> Usd.Prim:
     """Write a static collider: a mesh that is not rendered and that no rigid body moves."""
     mesh = _mesh(stage, path, points.astype(np.float32), faces)
@@ -57,12 +50,7 @@ def collider(
     return prim
 
 
-def _mesh(
-    stage: Usd.Stage,
-    path: str,
-    points: NDArray[np.float32],
-    faces: NDArray[np.int32] | NDArray[np.int64],
-) -> UsdGeom.Mesh:
+def _mesh(stage: Usd.Stage, path: str, points: F32, faces: I32 | I64) -> UsdGeom.Mesh:
     mesh = UsdGeom.Mesh.Define(stage, path)
     points = np.ascontiguousarray(points, dtype=np.float32)
     mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
@@ -76,7 +64,7 @@ def _mesh(
     return mesh
 
 
-def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def floor_surface(floor: Floor) -> tuple[F64, I64]:
     """Return the floor as quads facing up; corner heights average the cells around them.
 
     Cells that lie a step higher or lower do not count, so that edges stay sharp. It reaches one
@@ -101,7 +89,7 @@ def floor_surface(floor: Floor) -> tuple[NDArray[np.float64], NDArray[np.int64]]
     return points, inverse.reshape(-1, 4).astype(np.int64)
 
 
-def box_surfaces(obstacles: Obstacles) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def box_surfaces(obstacles: Obstacles) -> tuple[F64, I64]:
     """Return boxes as quads facing outwards: (8 N, 3) points [m] and (6 N, 4) indices."""
     bits = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)]) * 2 - 1
     points = obstacles.center_m[:, None] + obstacles.half_m[:, None] * bits[None]

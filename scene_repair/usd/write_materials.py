@@ -1,8 +1,5 @@
 """Write materials of the USD scene: UsdPreviewSurface for rendering, friction for physics."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdPhysics, UsdShade
 
@@ -15,7 +12,7 @@ FRICTION = 0.8
 
 def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
     """Write a material at `path`: base colour times texture, both as the bundle has them."""
-    made = UsdShade.Material.Define(stage, path)
+    usd_material = UsdShade.Material.Define(stage, path)
     shader = UsdShade.Shader.Define(stage, f"{path}/Surface")
     shader.CreateIdAttr("UsdPreviewSurface")
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(0.9)
@@ -40,15 +37,15 @@ def look(stage: Usd.Stage, path: str, material: Material) -> UsdShade.Material:
         )
         color.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
     surface = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    made.CreateSurfaceOutput().ConnectToSource(surface)
-    return made
+    usd_material.CreateSurfaceOutput().ConnectToSource(surface)
+    return usd_material
 
 
 def friction(stage: Usd.Stage, path: str) -> UsdShade.Material:
     """Write the physics material that all colliders share."""
-    made = UsdShade.Material.Define(stage, path)
-    physics = UsdPhysics.MaterialAPI.Apply(made.GetPrim())
+    usd_material = UsdShade.Material.Define(stage, path)
+    physics = UsdPhysics.MaterialAPI.Apply(usd_material.GetPrim())
     physics.CreateStaticFrictionAttr(FRICTION)
     physics.CreateDynamicFrictionAttr(FRICTION)
     physics.CreateRestitutionAttr(0.0)
-    return made
+    return usd_material

@@ -17,20 +17,17 @@ none. Labels are written twice: as UsdSemantics' `semantics:labels:class`, and a
 `semantic:Semantics:params:*` that replicators before Isaac Sim 5 read.
 """
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 import logging
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade
 
 from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import Floor, LabeledObject, Material, Obstacles, VisualMesh
+from ..arrays import I64
 from ..verify.usd import check_usd
 from .write_geometry import box_surfaces, collider, floor_surface, visual_mesh
 from .write_materials import friction, look
@@ -64,10 +61,7 @@ def write_usd(path: Path, content: UsdContent) -> None:
     """Write `path` and check what was written; textures are referenced relative to it.
 
     Of more than `MAX_THINGS` objects those with most faces get prims; the rest stands under
-    /World/Unnamed.
-
-    Raises:
-        FileFormatError: what was written does not hold; see `check_usd`.
+    /World/Unnamed. A FileFormatError is raised if what was written does not hold.
     """
     content = _largest_things(content)
     stage = Usd.Stage.CreateNew(str(path))
@@ -80,7 +74,7 @@ def write_usd(path: Path, content: UsdContent) -> None:
     stage.GetRootLayer().customLayerData = {"vlnpe": content.facts}
     names = _Names()
     UsdGeom.Scope.Define(stage, "/World/Looks")
-    looks = [
+    materials = [
         look(stage, f"/World/Looks/{names.of('/World/Looks', m.name)}", m)
         for m in content.materials
     ]
@@ -88,7 +82,7 @@ def write_usd(path: Path, content: UsdContent) -> None:
     nameless = len(content.objects) + 1 + visual.face_label
     part = np.where(visual.face_object < 0, nameless, visual.face_object).astype(np.int64)
     paths = _parts(content, names, stage)
-    _meshes(stage, visual, part, paths, looks)
+    _meshes(stage, visual, part, paths, materials)
     _collision(stage, content.levels, paths)
     stage.GetRootLayer().Save()
     problems = check_usd(path)
@@ -102,12 +96,12 @@ def _largest_things(content: UsdContent) -> UsdContent:
         return content
     log.warning("%d objects; the %d with most faces get prims", count, MAX_THINGS)
     faces = np.bincount(visual.face_object[visual.face_object >= 0], minlength=count)
-    kept = np.sort(np.argsort(-faces, kind="stable")[:MAX_THINGS])
+    largest = np.sort(np.argsort(-faces, kind="stable")[:MAX_THINGS])
     number = np.full(count + 1, -1, dtype=np.int32)
-    number[kept] = np.arange(MAX_THINGS)
+    number[largest] = np.arange(MAX_THINGS)
     return replace(
         content,
-        objects=tuple(content.objects[k] for k in kept),
+        objects=tuple(content.objects[k] for k in largest),
         visual=replace(visual, face_object=number[visual.face_object]),
         levels=[
             (floor, replace(boxes, box_object=number[boxes.box_object]))
@@ -137,8 +131,7 @@ class _Names:
 def _parts(content: UsdContent, names: _Names, stage: Usd.Stage) -> list[str]:
     """Write a labelled prim per object, and one per label of unnamed faces.
 
-    Returns:
-        Their paths: of the objects, of nameless faces without label, and of each label's.
+    Their paths are returned: of the objects, of nameless faces without label, and of each label's.
     """
     paths = []
     _group(stage, "/World/Objects")
@@ -178,20 +171,22 @@ def _group(stage: Usd.Stage, path: str) -> None:
 def _meshes(
     stage: Usd.Stage,
     visual: VisualMesh,
-    part: NDArray[np.int64],
+    part: I64,
     paths: list[str],
-    looks: list[UsdShade.Material],
+    materials: list[UsdShade.Material],
 ) -> None:
     """Write one mesh per part and material; omit degenerate faces."""
-    key = part * max(len(looks), 1) + visual.face_material
-    key = np.where(_collapsed(visual), -1, key)
+    key = part * max(len(materials), 1) + visual.face_material
+    a, b, c = (visual.vertices[visual.faces[:, k]] for k in range(3))
+    collapsed = (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
+    key = np.where(collapsed, -1, key)
     order = np.argsort(key, kind="stable")
     values, starts = np.unique(key[order], return_index=True)
     for value, selected in zip(values, np.split(order, starts[1:]), strict=True):
         if value < 0:
             continue
-        path, material = paths[value // len(looks)], int(value % len(looks))
-        name = looks[material].GetPath().name
+        path, material = paths[value // len(materials)], int(value % len(materials))
+        name = materials[material].GetPath().name
         used, inverse = np.unique(visual.faces[selected], return_inverse=True)
         visual_mesh(
             stage,
@@ -199,7 +194,7 @@ def _meshes(
             visual.vertices[used],
             inverse.reshape(-1, 3).astype(np.int32),
             visual.corner_uv[selected],
-            looks[material],
+            materials[material],
         )
 
 
@@ -218,12 +213,6 @@ def _collision(stage: Usd.Stage, levels: list[tuple[Floor, Obstacles]], paths: l
             else:
                 prim = collider(stage, f"/World/Collision/Boxes_{k}", *surfaces, grip)
                 _label(prim, "obstacle")
-
-
-def _collapsed(visual: VisualMesh) -> NDArray[np.bool_]:
-    """Return which faces are degenerate (two equal corners), (F,) bool."""
-    a, b, c = (visual.vertices[visual.faces[:, k]] for k in range(3))
-    return (a == b).all(axis=1) | (b == c).all(axis=1) | (c == a).all(axis=1)
 
 
 def _label(prim: Usd.Prim, word: str) -> None:

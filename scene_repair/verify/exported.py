@@ -1,16 +1,13 @@
 """Read back the triangles of a written scene that must carry."""
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from ...formats.scene.bundle import SceneBundle
+from ..arrays import F32, F64, Mask
 
 PATCH_MATERIAL = "floor_patch_"
 
@@ -19,10 +16,10 @@ PATCH_MATERIAL = "floor_patch_"
 class Surface:
     """Triangles (T, 3, 3) [m], world, and (T,) whether the repair added them."""
 
-    triangles_m: NDArray[np.float32]
-    added: NDArray[np.bool_]
+    triangles_m: F32
+    added: Mask
 
-    def between(self, lower_m: NDArray[np.float64], upper_m: NDArray[np.float64]) -> "Surface":
+    def between(self, lower_m: F64, upper_m: F64) -> "Surface":
         """Return the triangles whose bounds overlap the box (3,), (3,)."""
         near = np.arange(len(self.triangles_m))
         # Most triangles are far above or below. Comparing corners is much faster than reducing.
@@ -43,8 +40,8 @@ def visual_surface(bundle: SceneBundle) -> Surface:
 
 def usd_surfaces(path: Path) -> tuple[Surface, Surface]:
     """Return the visible and the colliding triangles of a USD scene."""
-    parts: dict[bool, list[NDArray[np.float32]]] = {False: [], True: []}
-    added: list[NDArray[np.bool_]] = []
+    parts: dict[bool, list[F32]] = {False: [], True: []}
+    added: list[Mask] = []
     stage = Usd.Stage.Open(str(path))
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh):
@@ -61,7 +58,7 @@ def usd_surfaces(path: Path) -> tuple[Surface, Surface]:
     return Surface(seen, np.concatenate([none, *added])), Surface(solid, np.zeros(len(solid), bool))
 
 
-def _triangles(mesh: UsdGeom.Mesh) -> NDArray[np.float32]:
+def _triangles(mesh: UsdGeom.Mesh) -> F32:
     points = np.asarray(mesh.GetPointsAttr().Get(), dtype=np.float32)
     counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get())
     index = np.asarray(mesh.GetFaceVertexIndicesAttr().Get())

@@ -4,9 +4,9 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
+from ..arrays import F64, Mask
 from ..grid.morphology import Window, grow, grown_window, label, windows
 from .probe_rays import Probes
 
@@ -19,13 +19,10 @@ SHARE, BORDER_M = 0.5, 0.03
 RIM, RIM_SHARE = 2, 0.6
 
 
-def hole_cells(
-    hole: dict[str, Any], grid: GridSpec, border: int
-) -> tuple[Window, NDArray[np.bool_]]:
+def hole_cells(hole: dict[str, Any], grid: GridSpec, border: int) -> tuple[Window, Mask]:
     """Return the cells of a grid whose centres lie in a hole of `repair.json`.
 
-    Returns:
-        A window with a border of so many cells around them, and which of it they are.
+    They lie in the window that is returned first, with a border of so many cells around them.
     """
     rings = [
         (np.asarray(polygon) - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
@@ -47,14 +44,9 @@ def hole_cells(
 
 
 def check_holes(
-    probes: Probes, floor: NDArray[np.bool_], holes: list[dict[str, Any]]
+    probes: Probes, floor: Mask, holes: list[dict[str, Any]]
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Compare the holes listed in `repair.json` with what probes find.
-
-    Args:
-        probes: rays onto the written triangles, over the whole level.
-        floor: over the probes' grid, where there is floor.
-        holes: the level's list.
+    """Compare the holes listed in `repair.json` with what probes find; `floor` is over their grid.
 
     Returns:
         Holes said to be filled through which probes fall, and gaps inside the building of 5 cm or
@@ -106,10 +98,10 @@ def check_holes(
     return still_open, unlisted
 
 
-def _in_floor(gap: NDArray[np.bool_], floor: NDArray[np.bool_]) -> bool:
+def _in_floor(gap: Mask, floor: Mask) -> bool:
     rim = grow(gap, RIM) & ~gap
     return bool(floor[rim].mean() >= RIM_SHARE)
 
 
-def _rounded(xy_m: NDArray[np.float64]) -> list[float]:
+def _rounded(xy_m: F64) -> list[float]:
     return [round(float(v), 3) for v in xy_m]

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import Mask
 from ..grid.morphology import grow, grown_window, label, windows
 from .probe_rays import Probes
 
@@ -16,27 +16,20 @@ SHARE = 0.8
 MAX_LISTED = 200
 
 
-def find_steps(probes: Probes, walked: NDArray[np.bool_]) -> list[dict[str, Any]]:
-    """Return steps over 1.5 cm between neighbouring probes on walkable floor, highest first.
+def find_steps(probes: Probes, walked: Mask) -> list[dict[str, Any]]:
+    """Return steps over 1.5 cm between neighbouring probes where a robot walks, highest first.
 
     A step is the `scan`'s own if scanned heights around it differ by as much (thresholds, sunken
     areas, rugs), and the `repair`'s if only added floor has it.
-
-    Args:
-        probes: rays that hit the written triangles.
-        walked: over the probes' grid, where a robot can walk.
     """
     height = np.where(walked, probes.height_m, np.float32(np.nan))
     rise = np.zeros(height.shape, dtype=np.float32)
     with np.errstate(invalid="ignore"):
         for axis in (0, 1):
             between = np.nan_to_num(np.abs(np.diff(height, axis=axis)))
-            ahead = [(0, 0), (0, 0)]
-            ahead[axis] = (0, 1)
-            behind = [(0, 0), (0, 0)]
-            behind[axis] = (1, 0)
-            rise = np.maximum(rise, np.pad(between, ahead))
-            rise = np.maximum(rise, np.pad(between, behind))
+            for ends in ((0, 1), (1, 0)):
+                sides = [ends if k == axis else (0, 0) for k in (0, 1)]
+                rise = np.maximum(rise, np.pad(between, sides))
     high = rise > STEP_M
     if not high.any():
         return []

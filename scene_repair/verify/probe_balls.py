@@ -2,8 +2,8 @@
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from ..arrays import F32, F64
 from .exported import Surface
 
 BALL_RADIUS_M = 0.01
@@ -16,19 +16,10 @@ TILE_M, BALLS_AT_ONCE = 2.0, 200
 SKIN_M = 1e-4
 
 
-def drop_balls(
-    triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Drop a ball of 2 cm onto each of the given points of a floor.
+def drop_balls(triangles_m: F32, floor_m: F64) -> F64:
+    """Drop a ball of 2 cm onto points (N, 3) of a floor; return where they end, (N, 3).
 
-    The triangles are solid from both sides (a rigid MuJoCo flex). Balls do not meet each other.
-
-    Args:
-        triangles_m: (T, 3, 3).
-        floor_m: (N, 3) points on the floor.
-
-    Returns:
-        (N, 3) where the balls' lowest points are in the end.
+    The triangles (T, 3, 3) are solid from both sides (a rigid MuJoCo flex). Balls do not meet.
     """
     end = np.empty((len(floor_m), 3))
     tile = np.floor(floor_m[:, :2] / TILE_M).astype(np.int64)
@@ -44,7 +35,7 @@ def drop_balls(
     return end
 
 
-def _drop(triangles_m: NDArray[np.float32], floor_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _drop(triangles_m: F32, floor_m: F64) -> F64:
     spec = mujoco.MjSpec()
     spec.option.timestep = STEP_S
     points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)

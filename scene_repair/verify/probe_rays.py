@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
 from ...geometry.rays.packets import PacketScene
+from ..arrays import F32, Mask
 from .exported import Surface
 
 PROBE_M = 0.02
@@ -20,22 +21,19 @@ _SHIFTS_M = ((0.0, 0.0), (1e-3, 7e-4), (-8e-4, 6e-4))
 
 @dataclass(frozen=True)
 class Probes:
-    """Results of rays down onto a level, over the probes' grid (rows, columns).
+    """Results of rays down onto a level, one through each cell of `grid` (rows, columns).
 
-    Attributes:
-        grid: one ray through the centre of each cell.
-        per_side: probes along the side of a cell of the floor's grid.
-        height_m: where they hit, float32; NaN where they fall past the floor.
-        added: whether they hit what the repair added.
+    `per_side` of them lie along a floor's cell. `height_m` is where they hit, NaN where they fall
+    past the floor, `added` whether they hit what the repair added.
     """
 
     grid: GridSpec
     per_side: int
-    height_m: NDArray[np.float32]
-    added: NDArray[np.bool_]
+    height_m: F32
+    added: Mask
 
     @property
-    def fell(self) -> NDArray[np.bool_]:
+    def fell(self) -> Mask:
         """Return the rays that hit nothing, or only something below the floor."""
         return np.isnan(self.height_m)
 
@@ -44,13 +42,8 @@ class Probes:
         return np.repeat(np.repeat(cells, self.per_side, axis=0), self.per_side, axis=1)
 
 
-def shoot_down(surface: Surface, grid: GridSpec, expected_m: NDArray[np.float32]) -> Probes:
-    """Shoot rays every 2 cm over all cells of a floor.
-
-    Args:
-        surface: what may be hit; only what is near the floor need be in it.
-        expected_m: (rows, columns) heights of the floor.
-    """
+def shoot_down(surface: Surface, grid: GridSpec, expected_m: F32) -> Probes:
+    """Shoot rays every 2 cm over all cells of a floor, expected at heights (rows, columns)."""
     per_side = int(np.ceil(grid.cell_m / PROBE_M - 1e-9))
     while per_side > 1 and expected_m.size * per_side**2 > MAX_PROBES:
         per_side -= 1
@@ -74,9 +67,9 @@ def _shoot(
     probes: GridSpec,
     part: slice,
     *,
-    expected_m: NDArray[np.float32],
-    height: NDArray[np.float32],
-    added: NDArray[np.bool_],
+    expected_m: F32,
+    height: F32,
+    added: Mask,
 ) -> None:
     """Fill the rows `part` of `height` and `added`."""
     i, j = np.mgrid[part, 0 : probes.columns].reshape(2, -1)

@@ -6,13 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from ...formats.core.errors import FileFormatError
 from ...formats.core.threads import in_order
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
 from ...formats.scene.freemap import Freemap
+from ..arrays import F64, Mask
 from ..collide.level_collision import LevelCollision
 from ..grid.morphology import grow, label, windows
 from .exported import Surface, usd_surfaces, visual_surface
@@ -37,12 +37,7 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
 
     Cells through which a probe still falls lose their floor in the maps: mostly sampled
     cells that reach into walls. Walkable ones among them are reported apart, for they should not.
-
-    Args:
-        visual: the triangles as they are to be written.
-
-    Returns:
-        The level without the cells that failed, and counts and distances as JSON values.
+    The level without them is returned, and counts and distances as JSON values.
     """
     floor, freemap = level.floor, level.freemap
     corners = visual.vertices[visual.faces]
@@ -63,39 +58,33 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
         "walkable_cells_lost": int(lost.sum()),
         "walkable_places_lost": _places(lost, floor),
         "height_error_mm": {
-            f"p{q}": round(float(np.percentile(deviation, q)), 3) for q in (50, 99, 100)
-        }
-        if len(deviation)
-        else {},
+            f"p{q}": round(float(np.percentile(deviation, q)), 3)
+            for q in (50, 99, 100)
+            if len(deviation)
+        },
     }
     if not failed.any():
         return level, record
-    kept = LevelCollision(
-        replace(floor, covered=floor.covered & ~failed),
-        level.obstacles,
-        Freemap(
-            freemap.grid,
-            np.where(failed, np.float32(np.nan), freemap.floor_z_m),
-            freemap.traversable & ~failed,
-        ),
-    )
-    return kept, record
+    floor_z_m = np.where(failed, np.float32(np.nan), freemap.floor_z_m)
+    free = replace(freemap, floor_z_m=floor_z_m, traversable=freemap.traversable & ~failed)
+    rest = replace(level, floor=replace(floor, covered=floor.covered & ~failed), freemap=free)
+    return rest, record
 
 
-def _places(cells: NDArray[np.bool_], floor: Floor) -> list[dict[str, Any]]:
+def _places(cells: Mask, floor: Floor) -> list[dict[str, Any]]:
     """Return connected cells with their centre and area, the largest first."""
     parts, _ = label(cells, diagonal=True)
-    found = []
+    places = []
     for number, window in enumerate(windows(parts), start=1):
         selected = np.argwhere(parts[window] == number) + [w.start for w in window]
         xy_m = floor.grid.center_of(selected).mean(axis=0)
         area = round(len(selected) * floor.grid.cell_m**2, 5)
-        found.append({"xy_m": [round(float(v), 3) for v in xy_m], "area_m2": area})
-    return sorted(found, key=lambda place: -place["area_m2"])[:MAX_PLACES]
+        places.append({"xy_m": [round(float(v), 3) for v in xy_m], "area_m2": area})
+    return sorted(places, key=lambda place: -place["area_m2"])[:MAX_PLACES]
 
 
 def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, Any]:
-    """Probe a written scene by the files of its bundle.
+    """Probe a written scene by the files of its bundle; raise FileFormatError if one is damaged.
 
     Rays and balls meet the triangles of `visual.npz` and of `scene.usdc` (what is seen, and what
     collides), so that a triangle missing from any of them is found. `repair.json` must account for
@@ -106,11 +95,7 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
 
     Returns:
         JSON values: `sound`, `problems` (one line each, empty if sound), `doubts` (what is too
-        small to be a problem), and per level what was probed, where probes fell, the steps, the
-        open and unlisted holes.
-
-    Raises:
-        FileFormatError: a file of the bundle is missing or damaged.
+        small to be a problem), and what was probed per level.
     """
     usd = bundle.root / "scene.usdc"
     if not usd.is_file():
@@ -127,9 +112,9 @@ def verify_scene(bundle: SceneBundle, usd_checked: bool = False) -> dict[str, An
         listed = _listed(bundle.root / RECORD_NAME, len(bundle.level_floor_z_m))
         for k, entry in enumerate(listed):
             levels.append(_verify_level(bundle, k, surfaces, entry))
-            verdict = judge_level(levels[-1], entry.get("probes", {})).prefixed(f"level {k}: ")
-            problems += verdict.faults
-            doubts += verdict.doubts
+            verdict = judge_level(levels[-1], entry.get("probes", {}))
+            problems += [f"level {k}: {text}" for text in verdict.faults]
+            doubts += [f"level {k}: {text}" for text in verdict.doubts]
     return {"sound": not problems, "problems": problems, "doubts": doubts, "levels": levels}
 
 
@@ -202,14 +187,14 @@ def _near(surface: Surface, floor: Floor) -> Surface:
     return surface.between(lower, upper)
 
 
-def _cells(probes: NDArray[np.bool_], per_side: int) -> NDArray[np.bool_]:
+def _cells(probes: Mask, per_side: int) -> Mask:
     """Return the floor's cells in which any probe is true."""
     rows, columns = probes.shape
     blocks = probes.reshape(rows // per_side, per_side, columns // per_side, per_side)
     return np.asarray(blocks.any(axis=(1, 3)))
 
 
-def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> NDArray[np.float64]:
+def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> F64:
     """Return walkable points (N, 3) to drop balls on: along seams, and spread evenly."""
     free = freemap.traversable & floor.covered
     added = _cells(probes.added, probes.per_side)
@@ -224,9 +209,7 @@ def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> NDArray[np.f
     return np.column_stack([floor.grid.center_of(index), height])
 
 
-def _balls_lost(
-    surface: Surface, start_m: NDArray[np.float64], floor: Floor
-) -> NDArray[np.float64]:
+def _balls_lost(surface: Surface, start_m: F64, floor: Floor) -> F64:
     """Return where balls started that end up below the floor, (N, 2)."""
     end = drop_balls(_near(surface, floor).triangles_m, start_m)
     # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now. Within
@@ -238,7 +221,7 @@ def _balls_lost(
     return start_m[lost, :2]
 
 
-def _fallen(where_xy_m: NDArray[np.float64], count: int) -> dict[str, Any]:
+def _fallen(where_xy_m: F64, count: int) -> dict[str, Any]:
     return {
         "dropped": int(count),
         "fell_through": len(where_xy_m),

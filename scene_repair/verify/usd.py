@@ -5,15 +5,13 @@ out of range, points that are not numbers, primvars of the wrong length pass the
 whose corners coincide, which physics engines refuse to cook.
 """
 
-# usd-core builds its modules at run time and ships no stubs, so no attribute of them is known.
-# pyright: reportAttributeAccessIssue=false
-
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade, UsdUtils, UsdValidation
+
+from ..arrays import F64, I64
 
 # Authored extents may be off by rounding of single precision.
 EXTENT_TOLERANCE_M = 1e-4
@@ -34,14 +32,14 @@ def check_usd(path: Path) -> list[str]:
     problems = [*_stage(stage), *_assets(path)]
     for prim in stage.Traverse():
         where = str(prim.GetPath())
-        found: list[str] = []
+        lines: list[str] = []
         if prim.IsA(UsdGeom.Mesh):
-            found += mesh_problems(UsdGeom.Mesh(prim))
-            found += _material(prim)
+            lines += mesh_problems(UsdGeom.Mesh(prim))
+            lines += _material(prim)
         if prim.HasAPI(UsdPhysics.CollisionAPI):
-            found += _collider(prim)
-        found += _labels(prim)
-        problems += [f"{where}: {text}" for text in found]
+            lines += _collider(prim)
+        lines += _labels(prim)
+        problems += [f"{where}: {text}" for text in lines]
     return problems + _validators(stage)
 
 
@@ -55,7 +53,11 @@ def _stage(stage: Usd.Stage) -> Iterator[str]:
     floors = [
         prim
         for prim in stage.Traverse()
-        if prim.HasAPI(UsdPhysics.CollisionAPI) and "floor" in _words(prim)
+        if prim.HasAPI(UsdPhysics.CollisionAPI)
+        and any(
+            "floor" in (UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get() or ())
+            for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim)
+        )
     ]
     if not floors:
         yield "no collider is labelled as floor"
@@ -117,9 +119,7 @@ def mesh_problems(mesh: UsdGeom.Mesh) -> Iterator[str]:
         yield from _primvar(primvar, sizes[primvar.GetInterpolation()])
 
 
-def _collapsed_faces(
-    points: NDArray[np.float64], counts: NDArray[np.int64], index: NDArray[np.int64]
-) -> Iterator[str]:
+def _collapsed_faces(points: F64, counts: I64, index: I64) -> Iterator[str]:
     face = np.repeat(np.arange(len(counts)), counts)
     end = np.cumsum(counts)
     after = np.arange(1, len(index) + 1)
@@ -129,7 +129,7 @@ def _collapsed_faces(
         yield f"{same.sum()} faces have coinciding corners, the first is {face[same][0]}"
 
 
-def _extent(mesh: UsdGeom.Mesh, points: NDArray[np.float64]) -> Iterator[str]:
+def _extent(mesh: UsdGeom.Mesh, points: F64) -> Iterator[str]:
     extent = mesh.GetExtentAttr().Get()
     if not extent:
         yield "no extent"
@@ -189,14 +189,6 @@ def _labels(prim: Usd.Prim) -> Iterator[str]:
         words = UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get()
         if not words or not all(words):
             yield f"empty label in {taxonomy}"
-
-
-def _words(prim: Usd.Prim) -> set[str]:
-    return {
-        word
-        for taxonomy in UsdSemantics.LabelsAPI.GetDirectTaxonomies(prim)
-        for word in UsdSemantics.LabelsAPI(prim, taxonomy).GetLabelsAttr().Get() or ()
-    }
 
 
 def _validators(stage: Usd.Stage) -> list[str]:

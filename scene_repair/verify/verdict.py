@@ -11,40 +11,26 @@ LOOK = "look at after.png there; scan that place again, or close it, if robots a
 
 @dataclass
 class Verdict:
-    """One line for each finding.
-
-    Attributes:
-        faults: what makes the scene unsound.
-        doubts: what is too small for that.
-    """
+    """Faults that make a scene unsound, and doubts too small for that; one line each."""
 
     faults: list[str] = field(default_factory=list)
     doubts: list[str] = field(default_factory=list)
 
-    def prefixed(self, prefix: str) -> "Verdict":
-        """Return the same with a prefix before every line."""
-        return Verdict([prefix + t for t in self.faults], [prefix + t for t in self.doubts])
-
 
 def judge_level(level: dict[str, Any], probes: dict[str, Any]) -> Verdict:
-    """Judge one level.
-
-    Args:
-        level: the level's entry of `verify_scene`.
-        probes: its `probes` in `repair.json`.
-    """
+    """Judge a level's entry of `verify_scene`, and its `probes` in `repair.json`."""
     verdict = Verdict()
     limit = min(max(DOUBT_M2, DOUBT_SHARE * level["floor_area_m2"]), MOST_DOUBT_M2)
 
-    def found(text: str, area_m2: float) -> None:
+    def judge(text: str, area_m2: float) -> None:
         (verdict.faults if area_m2 > limit else verdict.doubts).append(text)
 
     places = probes.get("walkable_places_lost", [])
     if places:
         area, first = sum(p["area_m2"] for p in places), places[0]
-        found(
+        judge(
             f"{probes['walkable_cells_lost']} walkable cells lost their floor and left the maps: "
-            f"{_many(len(places), 'place')}, {area:.3f} m² together, the largest of "
+            f"{counted(len(places), 'place')}, {area:.3f} m² together, the largest of "
             f"{first['area_m2']:.3f} m² {_at(first['xy_m'])}; {LOOK}",
             area,
         )
@@ -57,7 +43,7 @@ def judge_level(level: dict[str, Any], probes: dict[str, Any]) -> Verdict:
                 )
     if level["steps_by_repair"]:
         step = next(s for s in level["steps_over_15_mm"] if s["origin"] == "repair")
-        count = _many(level["steps_by_repair"], "step")
+        count = counted(level["steps_by_repair"], "step")
         verdict.faults.append(
             f"{count} over 15 mm that the scan does not have, the highest of "
             f"{1000 * step['height_m']:.0f} mm {_at(step['lower_xy_m'])}"
@@ -70,7 +56,7 @@ def judge_level(level: dict[str, Any], probes: dict[str, Any]) -> Verdict:
         if gaps:
             area = sum(gap[size] for gap in gaps)
             count = f"{len(gaps)} times: a {text}" if len(gaps) > 1 else f"a {text}"
-            found(
+            judge(
                 f"{count}, {area:.4f} m² together, the largest of {gaps[0][size]:.4f} m² "
                 f"{_at(gaps[0]['xy_m'])}; {LOOK}",
                 area,
@@ -86,5 +72,6 @@ def _at(xy_m: list[float]) -> str:
     return f"at x {xy_m[0]}, y {xy_m[1]}"
 
 
-def _many(count: int, what: str) -> str:
+def counted(count: int, what: str) -> str:
+    """Return a number of things in words."""
     return f"1 {what}" if count == 1 else f"{count} {what}s"

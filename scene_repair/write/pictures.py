@@ -6,11 +6,11 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ...geometry.rays.packets import PacketScene
+from ..arrays import F32, F64, U8, Mask
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler
@@ -30,18 +30,15 @@ TITLE, SMALL = 0.62, 0.46  # sizes of the font
 
 def view_from_above(
     mesh: WorldMesh,
-    looks: MaterialSampler,
+    sampler: MaterialSampler,
     floor_z_m: float,
     pixels: GridSpec,
     first_patch: int,
-    walked: NDArray[np.bool_],
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    walked: Mask,
+) -> tuple[F32, F32]:
     """Render shaded colours (rows, columns, 3) of a level from above; row 0 = least y.
 
     Args:
-        mesh: the repaired scan.
-        looks: its materials.
-        floor_z_m: the level's floor.
         pixels: one ray per cell.
         first_patch: faces from this one on are patches.
         walked: (rows, columns) pixels where a robot can walk, under lintels for example.
@@ -55,12 +52,12 @@ def view_from_above(
     origin[..., 1] = pixels.center_of([(i, 0) for i in range(pixels.rows)])[:, 1, None]
     origin[..., 2] = floor_z_m + CUT_M
     origin = origin.reshape(-1, 3)
-    after, height = _shoot(scene, mesh, looks, floor_z_m, origin)
+    after, height = _shoot(scene, mesh, sampler, floor_z_m, origin)
     before, height_before = after.copy(), height.copy()
     through = np.flatnonzero(height[:, 1] >= first_patch)
     origin = origin[through]
     origin[:, 2] = height[through, 0] - 1e-3
-    before[through], height_before[through] = _shoot(scene, mesh, looks, floor_z_m, origin)
+    before[through], height_before[through] = _shoot(scene, mesh, sampler, floor_z_m, origin)
     shape = pixels.shape
     # What a wall of a CAD model is filled with has no surface of its own to be seen.
     solid = inside_solids(mesh.vertices, mesh.faces, floor_z_m + CUT_M, pixels) & ~walked
@@ -73,18 +70,14 @@ def view_from_above(
 
 
 def _shoot(
-    scene: PacketScene,
-    mesh: WorldMesh,
-    looks: MaterialSampler,
-    floor_z_m: float,
-    origin: NDArray[np.float32],
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    scene: PacketScene, mesh: WorldMesh, sampler: MaterialSampler, floor_z_m: float, origin: F32
+) -> tuple[F32, F64]:
     """Return colours (N, 3), and height and face (N, 2) below each origin; −1 = nothing."""
     image = np.tile(np.array(BACKGROUND, dtype=np.float32), (len(origin), 1))
-    found = np.full((len(origin), 2), -1.0)
-    found[:, 0] = np.nan
+    hits = np.full((len(origin), 2), -1.0)
+    hits[:, 0] = np.nan
     if not len(origin):
-        return image, found
+        return image, hits
     hit = scene.trace(
         origins=origin,
         directions=np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(origin), 1)),
@@ -102,13 +95,13 @@ def _shoot(
     light = np.clip(normal @ np.array([-0.35, 0.35, 0.87], dtype=np.float32), 0.0, 1.0)
     lift = np.clip((height - floor_z_m) / CUT_M, 0.0, 1.0).astype(np.float32)
     shade = 0.62 + 0.34 * light + 0.10 * lift
-    color = looks.at(mesh.face_material[face], uv)
+    color = sampler.at(mesh.face_material[face], uv)
     image[seen] = np.clip(color * shade[:, None], 0.0, 1.0)
-    found[seen, 0], found[seen, 1] = height, face
-    return image, found
+    hits[seen, 0], hits[seen, 1] = height, face
+    return image, hits
 
 
-def _with_edges(image: NDArray[np.float32], height: NDArray[np.float64]) -> NDArray[np.float32]:
+def _with_edges(image: F32, height: F64) -> F32:
     """Darken pixels where the height jumps: contours make furniture and walls readable."""
     filled = np.where(np.isfinite(height), height, -1.0)
     step = np.zeros_like(filled)
@@ -124,12 +117,9 @@ def is_shown(hole: Hole) -> bool:
 
 
 def mark_holes(
-    image: NDArray[np.float32], holes: list[Hole], *, fine: GridSpec, pixels: GridSpec, before: bool
-) -> NDArray[np.float32]:
-    """Overlay `is_shown` holes: hatched red areas before the repair, green outlines after it.
-
-    Gaps that stay open are hatched grey in both.
-    """
+    image: F32, holes: list[Hole], *, fine: GridSpec, pixels: GridSpec, before: bool
+) -> F32:
+    """Overlay `is_shown` holes: hatched red before, outlined green after, grey if left open."""
     number = np.zeros(fine.shape, dtype=np.uint8)
     for hole in holes:
         if is_shown(hole):
@@ -151,7 +141,7 @@ def mark_holes(
 
 def write_picture(
     path: Path,
-    views: dict[str, NDArray[np.float32]],
+    views: dict[str, F32],
     pixels: GridSpec,
     title: str,
     legend: list[tuple[str, tuple[float, float, float]]],
@@ -226,10 +216,7 @@ def _entry_px(text: str) -> int:
 
 
 def _pieces(text: str, size: float) -> Iterator[tuple[str, float, float]]:
-    """Yield the parts of a text, with size and height above the line [px], as its ² is drawn.
-
-    The font has no such letter.
-    """
+    """Yield parts of a text with size and height above the line [px]: the font has no letter ²."""
     for part in re.split("(²)", text):
         raised = part == "²"
         yield ("2", SUPERSCRIPT * size, 11 * size) if raised else (part, size, 0)
@@ -239,9 +226,7 @@ def _width_px(text: str, size: float) -> int:
     return sum(cv2.getTextSize(p, FONT, s, 1)[0][0] for p, s, _ in _pieces(text, size))
 
 
-def _write(
-    out: NDArray[np.uint8], text: str, place: tuple[int, int], size: float, thickness: int
-) -> None:
+def _write(out: U8, text: str, place: tuple[int, int], size: float, thickness: int) -> None:
     """Draw a text from its left end on the line, `place` (x, y) [px], into `out` (H, W, 3)."""
     x, y = place
     for part, part_size, raised in _pieces(text, size):

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.threads import beside
@@ -25,6 +24,7 @@ from ...formats.scene.bundle import (
 )
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
+from ..arrays import I32
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
 from ..floor.repair_level import RepairedFloor
@@ -33,7 +33,7 @@ from ..labels.files import LabelBox
 from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
 from ..paint.materials import MaterialSampler
-from ..scan.record import Scan, ScanMaterial
+from ..scan.record import Scan
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import describe_level, doubts, repair_titles
@@ -64,23 +64,19 @@ class Repaired:
         way: how it lies in the world.
         boxes: labels from beside it.
         original: the scan in the world.
-        mesh: the same, repaired.
-        materials: what the faces of `mesh` point to.
         floors: the floors of all levels, lowest first.
         levels: their collision.
         probes: what probing them gave.
-        visual: `mesh` as it is written.
+        visual: the last floor's mesh, with all repairs, as it is written.
         labels: categories that its faces point to.
         notes: doubts about the levels.
     """
 
     source: Path
     scan: Scan
-    way: Orientation
+    orientation: Orientation
     boxes: list[LabelBox]
     original: WorldMesh
-    mesh: WorldMesh
-    materials: tuple[ScanMaterial, ...]
     floors: list[RepairedFloor]
     levels: list[LevelCollision]
     probes: list[dict[str, Any]]
@@ -105,15 +101,16 @@ def _write_bundle(
     repaired: Repaired, out_dir: Path, scene_id: str, max_texture_px: int
 ) -> SceneBundle:
     """Write all but the pictures, and open it."""
-    source, way = repaired.source, repaired.way
-    materials = write_materials(repaired.materials, out_dir, max_texture_px)
+    source, orientation = repaired.source, repaired.orientation
+    evidence = orientation.evidence
+    materials = write_materials(repaired.floors[-1].materials, out_dir, max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
     named, visual, levels = _by_object(repaired, heights)
     facts = {
         "path": source.name,
         "sha256": file_digest(source),
         "licence": repaired.scan.licence,
-        **way.evidence,
+        **evidence,
     }
     write_usd(
         out_dir / "scene.usdc",
@@ -127,17 +124,14 @@ def _write_bundle(
         ),
     )
     if repaired.scan.companion is not None:
-        facts |= repaired.scan.companion.save(out_dir, way.file_to_world)
+        facts |= repaired.scan.companion.save(out_dir, orientation.file_to_world)
     record = {
         "scene_id": scene_id,
         "source": facts,
         "triangles_before": len(repaired.original.faces),
-        "triangles_after": len(repaired.mesh.faces),
+        "triangles_after": len(repaired.floors[-1].mesh.faces),
         "warnings": list(repaired.scan.warnings),
-        "doubts": [
-            *doubts(way.evidence, repaired.levels, repaired.floors),
-            *repaired.notes,
-        ],
+        "doubts": [*doubts(evidence, repaired.levels, repaired.floors), *repaired.notes],
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
@@ -149,8 +143,8 @@ def _write_bundle(
         root=out_dir,
         scene_id=scene_id,
         source=facts,
-        source_to_world=way.file_to_world,
-        habitat_to_world=way.habitat_to_world,
+        source_to_world=orientation.file_to_world,
+        habitat_to_world=orientation.habitat_to_world,
         materials=materials,
         labels=repaired.labels,
         objects=named,
@@ -177,15 +171,15 @@ def _by_object(
         repaired.scan,
         repaired.boxes,
         vertices_world_m=repaired.original.vertices,
-        source_to_world=repaired.way.source_to_world,
+        source_to_world=repaired.orientation.source_to_world,
         level_floor_z_m=heights_m,
     )
 
     # Patches come after the scan's own objects and belong to none of them.
-    def object_of(own: NDArray[np.int32]) -> NDArray[np.int32]:
+    def object_of(own: I32) -> I32:
         return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
 
-    visual = replace(repaired.visual, face_object=object_of(repaired.mesh.face_object))
+    visual = replace(repaired.visual, face_object=object_of(repaired.floors[-1].mesh.face_object))
     levels = [
         (
             level.floor,
@@ -198,11 +192,11 @@ def _by_object(
 
 
 def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_px: int) -> None:
-    looks, floors = MaterialSampler(repaired.materials), repaired.floors
+    sampler, floors = MaterialSampler(repaired.floors[-1].materials), repaired.floors
     fine = floors[0].fine
-    known = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
-    low = fine.center_of(known.min(axis=0)) - PICTURE_MARGIN_M
-    size = fine.center_of(known.max(axis=0)) + PICTURE_MARGIN_M - low
+    cells = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
+    low = fine.center_of(cells.min(axis=0)) - PICTURE_MARGIN_M
+    size = fine.center_of(cells.max(axis=0)) + PICTURE_MARGIN_M - low
     # Long scenes get a narrower picture instead of an endless one.
     width = min(width_px, math.sqrt(PICTURE_PIXELS * float(size[0] / size[1])))
     width = max(round(width), min(MIN_PICTURE_PX, width_px))
@@ -210,10 +204,10 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     pixels = GridSpec(
         (float(low[0]), float(low[1])), pixel_m, max(round(float(size[1]) / pixel_m), 1), width
     )
-    first = len(repaired.original.faces)
+    mesh, first = floors[-1].mesh, len(repaired.original.faces)
     views = [
         view_from_above(
-            repaired.mesh, looks, f.floor_z_m, pixels, first, level.freemap.traversable_on(pixels)
+            mesh, sampler, f.floor_z_m, pixels, first, level.freemap.traversable_on(pixels)
         )
         for f, level in zip(floors, repaired.levels, strict=True)
     ]

@@ -1,9 +1,11 @@
-"""Vertical samples come sorted, in cells with few and with many surfaces above each other."""
+"""Vertical samples come sorted, with few and with many surfaces in a cell; fast morphology."""
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.scene_repair.grid import morphology
 from vlnpe.scene_repair.grid.columns import INSERTED, sample_columns
 
 
@@ -21,3 +23,15 @@ def test_hits_of_a_cell_are_sorted_and_equal_ones_keep_their_order(count: int) -
         expected = np.argsort(height, kind="stable")
         assert columns.face[hits].tolist() == expected.tolist()
         assert columns.z[hits].tolist() == height[expected].tolist()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_fast_morphology_is_scipys(seed: int) -> None:
+    """Rectangles of even sides lie askew, and nothing is true outside the map."""
+    rng = np.random.default_rng(seed)
+    mask = rng.random(rng.integers(5, 60, 2)) < rng.choice([0.1, 0.3, 0.6, 0.9])
+    size = tuple(rng.integers(1, 14, 2).tolist())
+    for name in ("closing", "opening", "dilation", "erosion"):
+        truth = getattr(ndimage, f"binary_{name}")(mask, np.ones(size))
+        fast = {"dilation": "dilated", "erosion": "eroded"}.get(name, name)
+        assert np.array_equal(getattr(morphology, fast)(mask, size), truth), (name, size)

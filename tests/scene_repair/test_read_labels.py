@@ -11,13 +11,12 @@ from trimesh.visual.material import PBRMaterial
 from trimesh.visual.texture import TextureVisuals
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.labels.attach import label_scan
 from vlnpe.scene_repair.labels.categories import category_of_name
 from vlnpe.scene_repair.labels.matterport import read_house
 from vlnpe.scene_repair.labels.semantics import not_floor
-from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import ScanMaterial
 from vlnpe.scene_repair.scan.soup import Part, merge_parts
@@ -71,9 +70,7 @@ def test_a_house_file_labels_the_room_and_determines_up(
     source = write_matterport(tmp_path, turn)
     (tmp_path / "home.house").write_text(HOUSE)
     assert len({id(m.image) for m in read_scan(source).materials}) > 5
-    out = tmp_path / "out"
-    out.mkdir()
-    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
+    bundle = repaired(source, tmp_path)
     assert bundle.source["up"] == up
     assert "home.house" in bundle.source["up_reason"]
     named = {o.name: o for o in bundle.objects}

@@ -1,8 +1,5 @@
 """What a repair writes: the bundle, the USD stage, the pictures, the record."""
 
-# usd-core builds its modules at run time and ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 import hashlib
 import json
 from dataclasses import replace

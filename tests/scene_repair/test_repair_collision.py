@@ -12,22 +12,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.collide.boxes import MAY, MUST, NEVER, cover_with_boxes
 from vlnpe.scene_repair.collide.voxels import STEPS, Voxels, voxelise
-from vlnpe.scene_repair.config import RepairConfig
-from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.wayfinding.distance import distance_field
 
 pytestmark = pytest.mark.chain
-
-
-def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
-    source = scans.write_glb(parts, folder / "scan.glb")
-    out = folder / "bundle"
-    out.mkdir()
-    return repair_scene(source, out, RepairConfig(picture_px=200))
 
 
 def inside_boxes(obstacles: Obstacles, points: NDArray[np.float64], slack: float = 0.0):

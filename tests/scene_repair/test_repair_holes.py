@@ -9,24 +9,13 @@ import trimesh
 from numpy.typing import NDArray
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.grid.columns import sample_columns
-from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.wayfinding.distance import distance_field
 
 pytestmark = pytest.mark.chain
-
-# Small pictures: drawing them takes longer than repairing so small a room.
-QUICK = RepairConfig(picture_px=200)
-
-
-def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
-    source = scans.write_glb(parts, folder / "scan.glb")
-    out = folder / "bundle"
-    out.mkdir()
-    return repair_scene(source, out, QUICK)
 
 
 def floor_seen(
@@ -232,10 +221,7 @@ def test_patch_continues_the_pattern(tmp_path: Path) -> None:
     hole = scans.rectangle((2.0, 1.5), (2.8, 2.3))
     parts = {f"Wall_{k}": w for k, w in enumerate(scans.walls((0, 0), (5, 4)))}
     parts["Floor_1"] = scans.sheet((0, 0), (5, 4), without=hole)
-    source = scans.write_named_glb(parts, tmp_path / "scan.glb")
-    out = tmp_path / "bundle"
-    out.mkdir()
-    bundle = repair_scene(source, out, QUICK)
+    bundle = repaired(scans.write_named_glb(parts, tmp_path / "scan.glb"), tmp_path)
     index = next(k for k, m in enumerate(bundle.materials) if m.name == "floor_patch_0")
     texture = bundle.materials[index].texture
     assert texture is not None

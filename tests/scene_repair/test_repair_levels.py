@@ -5,28 +5,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import trimesh
 
 from tests.support.scenes import buildings, scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.geometry import triangle_normals
-from vlnpe.formats.scene.bundle import Floor, SceneBundle
+from vlnpe.formats.scene.bundle import Floor
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.grid.columns import sample_columns
-from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.verify.exported import Surface
 from vlnpe.scene_repair.verify.scene import _balls_lost
 
 pytestmark = pytest.mark.chain
 
 QUICK = RepairConfig(picture_px=200)
-
-
-def repaired(parts: list[trimesh.Trimesh], folder: Path) -> SceneBundle:
-    source = scans.write_glb(parts, folder / "scan.glb")
-    out = folder / "bundle"
-    out.mkdir()
-    return repair_scene(source, out, QUICK)
 
 
 # Building, floor heights of its levels, and floor area of each.

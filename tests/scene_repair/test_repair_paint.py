@@ -4,7 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from vlnpe.scene_repair.floor.patch_region import Tiles
+from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.scene_repair.floor.patch_region import Rectangles
 from vlnpe.scene_repair.paint.inpaint import inpaint
 
 TEXEL_M = 0.01
@@ -43,9 +44,12 @@ def test_tiles_find_what_a_full_search_finds(seed: int, count: int) -> None:
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-5, 5, (count, 2))
     upper = lower + rng.uniform(0, 3, (count, 2)) ** 2
-    tiles = Tiles(lower, upper)
+    rectangles = Rectangles.around(np.stack([lower, upper], axis=1))
     for _ in range(5):
         low = rng.uniform(-7, 7, 2)
-        high = low + rng.uniform(0, 4, 2)
+        columns, rows = rng.integers(1, 9, 2).tolist()
+        high = low + 0.5 * np.array([columns, rows])
         expected = np.flatnonzero(np.all((upper >= low) & (lower <= high), axis=1))
-        assert tiles.near(low, high).tolist() == expected.tolist()
+        assert (
+            rectangles.near(GridSpec(tuple(low), 0.5, rows, columns)).tolist() == expected.tolist()
+        )

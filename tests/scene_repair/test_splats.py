@@ -1,6 +1,7 @@
 """Geometry from Gaussian splats: a room with a table, floaters, and a background outside."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,19 +63,26 @@ def joined(*clouds: GaussianCloud) -> GaussianCloud:
     return replace(clouds[0], **arrays)
 
 
-def room_cloud() -> GaussianCloud:
-    """Return a room with a table whose floor is bare beneath it, z up [m]."""
+def room_cloud(
+    without: Sequence[str] = (), turn_deg: float = 0.0, *, background: int = BACKGROUND
+) -> GaussianCloud:
+    """Return a room with a table whose floor is bare beneath it, z up [m], or a part of it."""
     x, y, z = ROOM_M
     grey, brown = (0.7, 0.7, 0.7), (0.5, 0.3, 0.1)
     (x0, y0), (x1, y1), top = TABLE
     floor = sheet((0, 0, 0), (x, 0, 0), (0, y, 0), (0.2, 0.6, 0.2))
     p = floor.position
     floor = floor.take(~((p[:, 0] > x0) & (p[:, 0] < x1) & (p[:, 1] > y0) & (p[:, 1] < y1)))
+    shell = {
+        "ceiling": sheet((0, 0, z), (x, 0, 0), (0, y, 0), grey),
+        "west": sheet((0, 0, 0), (0, y, 0), (0, 0, z), grey),
+        "east": sheet((x, 0, 0), (0, y, 0), (0, 0, z), grey),
+        "south": sheet((0, 0, 0), (x, 0, 0), (0, 0, z), grey),
+        "north": sheet((0, y, 0), (x, 0, 0), (0, 0, z), grey),
+    }
     surfaces = joined(
         floor,
-        sheet((0, 0, z), (x, 0, 0), (0, y, 0), grey),
-        *(sheet((k * x, 0, 0), (0, y, 0), (0, 0, z), grey) for k in (0, 1)),
-        *(sheet((0, k * y, 0), (x, 0, 0), (0, 0, z), grey) for k in (0, 1)),
+        *(part for name, part in shell.items() if name not in without),
         sheet((x0, y0, top), (x1 - x0, 0, 0), (0, y1 - y0, 0), brown),
         *(sheet((k, y0, 0), (0, y1 - y0, 0), (0, 0, top), brown) for k in (x0, x1)),
         *(sheet((x0, k, 0), (x1 - x0, 0, 0), (0, 0, top), brown) for k in (y0, y1)),
@@ -85,9 +93,11 @@ def room_cloud() -> GaussianCloud:
     stray = random_cloud(rng, FLOATERS, sizes=(0.01, 0.06))
     stray.position[:] = rng.uniform(0.3, ROOM_M - 0.3, (FLOATERS, 3))
     stray.opacity[:] = rng.uniform(0.1, 0.4, FLOATERS)
-    outside = random_cloud(rng, BACKGROUND, spread=30.0, sizes=(0.5, 3.0))
+    outside = random_cloud(rng, background, spread=30.0, sizes=(0.5, 3.0))
     outside.position[:] += 20 * np.sign(outside.position)
-    return joined(surfaces, stray, outside)
+    cloud = joined(surfaces, stray, outside)
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(turn_deg), (0, 0, 1))
+    return cloud.transformed(turn) if turn_deg else cloud
 
 
 @pytest.fixture
@@ -154,6 +164,44 @@ def test_a_room_of_splats_becomes_a_sound_scene(tmp_path: Path) -> None:
     stored = load_splats(bundle.root)
     near, _ = KDTree(stored.position).query(cloud.position)
     assert near.max() < 0.03
+
+
+PARTS = [
+    (("ceiling", "east", "north"), 0.0),
+    (("ceiling", "east", "north"), 35.0),
+    (("ceiling", "east"), 0.0),
+    (("east", "north"), 35.0),
+    (("ceiling", "south", "north"), 0.0),
+]
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("without", "turn_deg"), PARTS)
+def test_a_part_of_a_room_is_looked_at_from_outside_its_table(
+    without: tuple[str, ...], turn_deg: float
+) -> None:
+    solid = find_solid(room_cloud(without, turn_deg))
+    factor = fuse.VOXEL_M / (np.prod(solid.upper - solid.lower) / fuse.VOXELS) ** (1 / 3)
+    places = fuse.stations(solid, float(factor)) / factor
+    back = trimesh.transformations.rotation_matrix(np.deg2rad(-turn_deg), (0, 0, 1))[:3, :3]
+    places = places @ back.T
+    over = places[places[:, 2] > TABLE[2]]
+    assert len(over) >= 4
+    assert ((over > 0) & (over < ROOM_M)).all(axis=1).mean() > 0.9
+
+
+@pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(("without", "turn_deg"), PARTS[:1])
+def test_a_part_of_a_room_is_repaired(
+    without: tuple[str, ...], turn_deg: float, tmp_path: Path
+) -> None:
+    source = tmp_path / "part.ply"
+    write_ply_splats(source, room_cloud(without, turn_deg))
+    (tmp_path / "out").mkdir()
+    bundle = repair_splats(source, tmp_path / "out", RepairConfig(up="z", unit="m"))
+    assert bundle.level_floor_z_m == pytest.approx((0.0,), abs=0.02)
+    free = bundle.freemap(0)
+    assert free.traversable.sum() * free.grid.cell_m**2 > 0.75 * ROOM_M[0] * ROOM_M[1]
 
 
 def test_a_given_surface_takes_the_place_of_the_fused_one(tmp_path: Path) -> None:

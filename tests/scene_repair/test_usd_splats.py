@@ -1,8 +1,5 @@
 """Gaussian splats in USD, written by OpenUSD's own schema and by the layout of 3DGRUT's code."""
 
-# usd-core ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 import gzip
 import zipfile
 from pathlib import Path

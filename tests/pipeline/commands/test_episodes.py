@@ -205,15 +205,18 @@ def test_files_of_several_splits_are_filtered_and_aligned(scenes, tmp_path, caps
     ]  # fmt: skip
 
 
-def test_a_bad_episode_is_counted_as_rejected(scenes, tmp_path, capsys):
+@pytest.mark.parametrize("given", [".", "a"], ids=["folder of scenes", "scene itself"])
+def test_a_bad_episode_is_counted_as_rejected(scenes, given, tmp_path, capsys):
     file = VlnceFile(Path("x"), (vlnce_episode("a", 0), vlnce_episode("a", 1)))
     write_vlnce(tmp_path / "val.json", file)
     document = json.loads((tmp_path / "val.json").read_text())
     del document["episodes"][1]["start_rotation"]
     (tmp_path / "val.json").write_text(json.dumps(document))
-    call = ("align", tmp_path / "val.json", "--scenes", scenes, "--out", tmp_path / "out.json")
+    out = tmp_path / "out.json"
+    call = ("align", tmp_path / "val.json", "--scenes", scenes / given, "--out", out)
     code, aligned = run(capsys, *call)
     assert (code, aligned["episodes"]) == (1, 1)
+    assert [episode.scene_id for episode in read_episodes(out)] == ["a"]
     assert aligned["rejected"] == [
         ["1 (number 1)", "start_rotation must be 4 finite numbers, is None"]
     ]

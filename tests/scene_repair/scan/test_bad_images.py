@@ -13,7 +13,6 @@ from PIL import Image
 from tests.support.scenes.damage import picture_bytes
 from tests.support.scenes.small_glb import glb, picture_tree
 from vlnpe.scene_repair.scan import images
-from vlnpe.scene_repair.scan.big_png import shrink_png
 from vlnpe.scene_repair.scan.mesh import read_mesh
 
 pytestmark = pytest.mark.chain
@@ -92,9 +91,12 @@ def test_enormous_picture_is_scaled_down(suffix: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("mode", ["RGB", "L", "RGBA", "P", "I;16"])
-def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
-    rng = np.random.default_rng(0)
-    smooth = rng.integers(0, 255, (13, 17, 3)).astype(np.uint8).repeat(3, 0).repeat(3, 1)
+def test_large_pictures_of_every_kind_keep_their_colours(
+    mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(images, "MAX_PIXELS", 1000)
+    monkeypatch.setattr(images, "MAX_SIDE", 17)
+    smooth = np.linspace((20, 60, 100), (220, 160, 120), 51).astype(np.uint8)[None].repeat(39, 0)
     image = Image.fromarray(smooth)
     if mode == "I;16":
         image = Image.fromarray(smooth[..., 0].astype(np.uint16) * 257)
@@ -104,13 +106,10 @@ def test_shrinking_while_reading_is_the_mean(mode: str) -> None:
         image = image.convert(mode)
     stream = io.BytesIO()
     image.save(stream, "PNG")
-    small = shrink_png(stream.getvalue(), 17)
-    if mode == "I;16":
-        truth = np.repeat(smooth[::3, ::3, :1], 3, axis=2)
-    else:
-        truth = np.asarray(image.convert("RGB"))[::3, ::3]
-    assert small.shape == (13, 17, 3)
-    assert np.abs(small.astype(int) - truth).max() <= 1
+    small = images.open_image(stream.getvalue(), "a", [], images.PixelBudget())
+    assert small is not None and small.size == (17, 13)
+    truth = smooth[:1, :, :1] if mode == "I;16" else np.asarray(image.convert("RGB"))[:1]
+    assert np.abs(np.asarray(small)[6].astype(int) - truth[0, 1::3]).max() <= 8
 
 
 @pytest.mark.parametrize(

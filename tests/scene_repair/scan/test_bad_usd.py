@@ -1,8 +1,5 @@
 """Reading malicious and damaged USD."""
 
-# usd-core ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 import zipfile
 from pathlib import Path
 

@@ -1,8 +1,5 @@
 """Reading USD: composition, visibility, names, colours."""
 
-# usd-core ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 from pathlib import Path
 
 import numpy as np

@@ -16,6 +16,7 @@ from trimesh.visual import ColorVisuals, TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError, UnknownNameError
 from vlnpe.formats.core.frames import habitat_to_world_position
 from vlnpe.scene_repair.config import RepairConfig
@@ -109,10 +110,7 @@ def test_gltf_positions_keep_habitats_alignment(tmp_path: Path) -> None:
 def test_tilted_scan_is_levelled(tilt_deg: float, tmp_path: Path) -> None:
     tilt = trimesh.transformations.rotation_matrix(np.deg2rad(tilt_deg), (1, 0.3, 0))
     parts = [part.apply_transform(tilt) for part in scans.room()]
-    source = scans.write_glb(parts, tmp_path / "scan.glb")
-    out = tmp_path / "bundle"
-    out.mkdir()
-    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
+    bundle = repaired(parts, tmp_path)
     floor = bundle.floor(0)
     spread = np.ptp(floor.height_m[floor.covered])
     assert spread < (0.03 if tilt_deg < 0.3 else 0.01)
@@ -187,11 +185,14 @@ def test_textured_obj_with_its_material_file(tmp_path: Path) -> None:
     assert scan.corner_uv.max() == 1.0
 
 
-@pytest.mark.parametrize("reference", ["../secret.png", "/etc/hostname", "http://x.test/a.png"])
+@pytest.mark.parametrize(
+    "reference", ["../secret.png", "/etc/hostname", "http://x.test/a.png", "link.png"]
+)
 def test_references_outside_the_folder_are_refused(reference: str, tmp_path: Path) -> None:
     Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "secret.png")
     folder = tmp_path / "scan"
     folder.mkdir()
+    (folder / "link.png").symlink_to(tmp_path / "secret.png")
     (folder / "scan.mtl").write_text(f"newmtl paint\nmap_Kd {reference}\n")
     (folder / "scan.obj").write_text(
         "mtllib scan.mtl\nv 0 0 0\nv 4 0 0\nv 4 0 3\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\n"
@@ -199,18 +200,6 @@ def test_references_outside_the_folder_are_refused(reference: str, tmp_path: Pat
     scan = read_mesh(folder / "scan.obj")
     assert all(m.image is None for m in scan.materials)
     assert any("leads out of the scan's folder" in w for w in scan.warnings)
-
-
-def test_link_out_of_the_folder_is_refused(tmp_path: Path) -> None:
-    Image.new("RGB", (4, 4), (255, 0, 0)).save(tmp_path / "secret.png")
-    folder = tmp_path / "scan"
-    folder.mkdir()
-    (folder / "paint.png").symlink_to(tmp_path / "secret.png")
-    (folder / "scan.mtl").write_text("newmtl paint\nmap_Kd paint.png\n")
-    (folder / "scan.obj").write_text(
-        "mtllib scan.mtl\nv 0 0 0\nv 4 0 0\nv 4 0 3\nvt 0 0\nusemtl paint\nf 1/1 2/1 3/1\n"
-    )
-    assert all(m.image is None for m in read_mesh(folder / "scan.obj").materials)
 
 
 def test_bad_faces_are_dropped_with_a_warning(tmp_path: Path) -> None:
@@ -228,10 +217,7 @@ def test_bad_faces_are_dropped_with_a_warning(tmp_path: Path) -> None:
 @pytest.mark.chain
 def test_stray_triangles_far_away_do_not_matter(tmp_path: Path) -> None:
     stray = trimesh.Trimesh([(600, 0, 0), (600.1, 0, 0), (600, 0.1, 0.5)], [[0, 1, 2]])
-    source = scans.write_glb([*scans.room(), stray], tmp_path / "scan.glb")
-    out = tmp_path / "bundle"
-    out.mkdir()
-    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
+    bundle = repaired([*scans.room(), stray], tmp_path)
     assert bundle.source["extent_m"][:2] == pytest.approx((5.2, 4.2), abs=0.01)
     assert max(bundle.floor(0).grid.shape) < 150
     # It is still part of what is seen.
@@ -267,13 +253,9 @@ def test_category_from_name(name: str, category: str) -> None:
 def test_own_labels(tmp_path: Path) -> None:
     table = {"name": "T1", "category": "table", "lower": [0.9, 0, -2.1], "upper": [2.1, 0.8, -0.9]}
     kitchen = {"name": "K", "category": "room:kitchen", "lower": [0, 0, -4], "upper": [5, 3, 0]}
-    source = scans.write_glb(scans.room(more=scans.table(1.0, 1.0)), tmp_path / "scan.glb")
-    (tmp_path / "scan.labels.json").write_text(
-        json.dumps({"frame": "source", "objects": [table, kitchen]})
-    )
-    out = tmp_path / "bundle"
-    out.mkdir()
-    bundle = repair_scene(source, out, RepairConfig(picture_px=200))
+    labels = {"frame": "source", "objects": [table, kitchen]}
+    (tmp_path / "scan.labels.json").write_text(json.dumps(labels))
+    bundle = repaired(scans.room(more=scans.table(1.0, 1.0)), tmp_path)
     by_name = {o.name: o for o in bundle.objects}
     assert by_name["T1"].lower_m == pytest.approx((0.9, 0.9, 0.0))
     assert by_name["T1"].upper_m == pytest.approx((2.1, 2.1, 0.8))
@@ -324,11 +306,6 @@ def test_missing_file(tmp_path: Path) -> None:
     assert "no such file" in refused(tmp_path / "nothing.glb")
 
 
-def test_unknown_kind(tmp_path: Path) -> None:
-    (tmp_path / "scan.txt").write_text("hello")
-    assert ".glb" in refused(tmp_path / "scan.txt")
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -337,6 +314,7 @@ def test_unknown_kind(tmp_path: Path) -> None:
         ("my.house.dae", "assimp export my.house.dae my.house.glb"),
         ("house.fbx", "Blender"),
         ("house.sog", "splat-transform house.sog house.ply"),
+        ("house.txt", "unknown file type '.txt'"),
     ],
 )
 def test_unsupported_formats_name_the_converter(name: str, expected: str, tmp_path: Path) -> None:

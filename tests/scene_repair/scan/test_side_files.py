@@ -57,10 +57,7 @@ def test_side_files_are_bounded(tmp_path: Path) -> None:
         side_file(tmp_path, "a", 10)
 
 
-POSE = {
-    "position": {"x": 0, "y": 0, "z": 0},
-    "orientation": {"x": 0, "y": 0, "z": 0, "w": 1},
-}
+POSE = {"position": {"x": 0, "y": 0, "z": 0}, "orientation": {"x": 0, "y": 0, "z": 0, "w": 1}}
 ANCHOR = {
     "label": "TABLE",
     "pose": POSE,

@@ -1,11 +1,9 @@
 """Verification finds a floor that does not carry, whichever file of the scene is at fault."""
 
-# usd-core builds its modules at run time and ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -16,15 +14,15 @@ from PIL import Image
 from pxr import Usd, UsdGeom, Vt
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from vlnpe.collectors.physics.level_model import build_level_model
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.pipeline.commands.look import Verify, run_verify
-from vlnpe.scene_repair.config import RepairConfig
-from vlnpe.scene_repair.repair import repair_scene
+from vlnpe.scene_repair.collide.level_collision import LevelCollision
 from vlnpe.scene_repair.verify.probe_balls import drop_balls
-from vlnpe.scene_repair.verify.scene import verify_scene
+from vlnpe.scene_repair.verify.scene import probe_level, verify_scene
 
 pytestmark = pytest.mark.chain
 
@@ -46,9 +44,7 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
             scans.box((3.5, 2.5, 0.0), (4.5, 3.5, 0.02)),
         ],
     )
-    out = folder / "bundle"
-    out.mkdir()
-    return repair_scene(scans.write_glb(parts, folder / "s.glb"), out, RepairConfig(picture_px=200))
+    return repaired(parts, folder)
 
 
 @pytest.fixture
@@ -73,6 +69,19 @@ def patch_faces(bundle: SceneBundle) -> NDArray[np.int64]:
     faces = faces[np.hypot(center[:, 0] - HOLE[0], center[:, 1] - HOLE[1]) < HOLE[2] + 0.1]
     a, b, c = (visual.vertices[visual.faces[faces, k]] for k in range(3))
     return faces[np.argsort(np.linalg.norm(np.cross(b - a, c - a), axis=1))]
+
+
+def test_cells_that_lose_their_floor_keep_their_headroom(sound: SceneBundle) -> None:
+    """Or low robots could not be planned for in any scene that has such a cell."""
+    visual, free = sound.visual(), sound.freemap(0)
+    level = LevelCollision(sound.floor(0), sound.obstacles(0), free)
+    corners = visual.vertices[visual.faces]
+    cut = np.hypot(*(corners.mean(axis=1)[:, :2] - (2.5, 1.0)).T) < 0.3
+    open_floor = replace(visual, faces=visual.faces[~cut])
+    rest, record = probe_level(open_floor, level)
+    assert record["walkable_cells_lost"] > 0
+    assert rest.freemap.traversable.sum() < free.traversable.sum()
+    assert np.array_equal(rest.freemap.headroom_m, free.headroom_m)
 
 
 def without(faces: NDArray[np.int64]) -> Callable[[Arrays], None]:
@@ -220,10 +229,7 @@ def test_every_storey_is_verified_and_drawn(tmp_path: Path) -> None:
         scans.box((4.5, 1.0, 2.6), (4.52, 2.0, 2.8)),
         scans.box((1.0, 1.0, 2.8), (1.6, 1.6, 3.2)),
     ]
-    out = tmp_path / "bundle"
-    out.mkdir()
-    config = RepairConfig(picture_px=300)
-    bundle = repair_scene(scans.write_glb(parts, tmp_path / "s.glb"), out, config)
+    bundle, out = repaired(parts, tmp_path, picture_px=300), tmp_path / "bundle"
     assert bundle.level_floor_z_m == pytest.approx((0.0, 2.8), abs=1e-3)
     proof = verify_scene(bundle)
     assert proof["problems"] == []

@@ -4,9 +4,6 @@
 of its exporter: axes, units, names, and which surfaces it leaves out.
 """
 
-# usd-core builds its modules at run time and ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 import sys
 from pathlib import Path
 

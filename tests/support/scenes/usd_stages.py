@@ -1,8 +1,5 @@
 """Small USD stages, and a reader of them without a child process."""
 
-# usd-core ships no stubs.
-# pyright: reportAttributeAccessIssue=false
-
 from pathlib import Path
 
 from PIL import Image

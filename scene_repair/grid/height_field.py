@@ -1,23 +1,21 @@
 """The floor as a height field: smoothed, and extended to all cells."""
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy import ndimage
 
 from ...formats.scene.bundle import Floor
 from ...formats.scene.grid import GridSpec
-from ..grid.morphology import nearest_in
+from ..arrays import F64
+from .morphology import nearest_in
 
 # Steps larger than this are real edges (platforms, sunken areas) and stay sharp.
 EDGE_M = 0.03
 
 
-def coarse_floor(fine: GridSpec, z_m: NDArray[np.float64], grid: GridSpec) -> Floor:
+def coarse_floor(fine: GridSpec, z_m: F64, grid: GridSpec) -> Floor:
     """Average a fine floor (NaN = none) over the cells of `grid` and extend it outside.
 
-    Args:
-        fine: the fine cells; `grid.cell_m` is a whole multiple of `fine.cell_m`, same origin.
-        z_m: (fine rows, fine columns) heights.
-        grid: the coarse cells.
+    Cells of `grid` are a whole multiple of the fine ones; both have one origin.
     """
     factor = round(grid.cell_m / fine.cell_m)
     blocks = z_m.reshape(grid.rows, factor, grid.columns, factor).swapaxes(1, 2)
@@ -31,13 +29,10 @@ def coarse_floor(fine: GridSpec, z_m: NDArray[np.float64], grid: GridSpec) -> Fl
     return Floor(grid, height.astype(np.float32), covered)
 
 
-def smooth(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Average heights over 5 × 5 cells among cells that lie within `EDGE_M`; NaN stays NaN.
-
-    One round of a bilateral mean: noise goes, real steps stay.
-    """
-    known = np.isfinite(height_m)
-    padded = np.pad(np.where(known, height_m, np.nan), 2, constant_values=np.nan)
+def smooth(height_m: F64) -> F64:
+    """Return means over 5 × 5 cells within `EDGE_M` of each height (bilateral); NaN stays."""
+    finite = np.isfinite(height_m)
+    padded = np.pad(np.where(finite, height_m, np.nan), 2, constant_values=np.nan)
     total = np.zeros_like(height_m)
     weight = np.zeros_like(height_m)
     rows, columns = height_m.shape
@@ -47,16 +42,18 @@ def smooth(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
             alike = np.abs(near - height_m) <= EDGE_M
             total += np.where(alike, near, 0.0)
             weight += alike
-    return np.where(known, total / np.maximum(weight, 1), np.nan)
+    return np.where(finite, total / np.maximum(weight, 1), np.nan)
 
 
-def extend(height_m: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Give every NaN cell the height of the nearest known cell.
-
-    Raises:
-        ValueError: no cell is known.
-    """
-    known = np.isfinite(height_m)
-    if not known.any():
+def extend(height_m: F64) -> F64:
+    """Give every NaN cell the height of the nearest known one, of which there is at least one."""
+    finite = np.isfinite(height_m)
+    if not finite.any():
         raise ValueError("a height field needs at least one known cell")
-    return height_m[nearest_in(known)]
+    return height_m[nearest_in(finite)]
+
+
+def heights_at(height_m: F64, grid: GridSpec, xy_m: F64) -> F64:
+    """Return heights (N,) at points (N, 2), bilinear between the centres of cells."""
+    position = (xy_m - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
+    return ndimage.map_coordinates(height_m, position[:, ::-1].T, order=1, mode="nearest")
