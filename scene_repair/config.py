@@ -23,12 +23,10 @@ class RepairConfig:
         robot_height_m: nothing lower than this above a traversable cell; obstacles reach as high.
         floor_clearance_m: what rises no higher above the floor is floor (rugs, thresholds).
         blocked_above_m: an obstacle higher than this makes a freemap cell untraversable.
-        bump_height_m: bumps and dents up to this size are flattened when narrow …
-        bump_width_m: … than this; larger ones are taken for real.
+        bump_height_m, bump_width_m: bumps and dents up to this height and width are flattened.
         bump_tolerance_m: smaller deviations are left alone.
         min_floor_m2: smaller floor pieces do not make a level.
-        level_tilt_deg: a scan tilted by more than this is levelled …
-        max_tilt_deg: … up to this.
+        level_tilt_deg, max_tilt_deg: a scan tilted by more than this, and less, is levelled.
         max_texture_px: larger textures are scaled down.
         patch_texel_m: texel size of the floor painted into holes; coarser over large levels.
         picture_px: width of the before and after pictures.

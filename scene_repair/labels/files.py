@@ -47,11 +47,8 @@ class LabelBox:
 def read_labels(source: Path) -> list[LabelBox]:
     """Return the boxes of `<stem>.labels.json` or InteriorGS' `labels.json` beside `source`.
 
-    There are none if there is no such file.
-
     Raises:
-        FileFormatError: the file is neither of the two known formats, too large, or a link out of
-            the folder.
+        FileFormatError: of neither format, too large, or a link out of the folder.
     """
     path = source.with_name(LABELS_NAME.format(stem=source.stem))
     text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
@@ -144,10 +141,7 @@ def read_interior_labels(path: Path) -> list[LabelBox]:
     """Return the boxes of an InteriorGS scene: objects with a label and the 8 corners of a box.
 
     Layout: the dataset's README and SAGE-3D's public code, which also meets objects without a box.
-    A `labels.json` of any other content is not ours and gives none.
-
-    Raises:
-        FileFormatError: damaged corners, too large, or a link out of the folder.
+    A `labels.json` of any other content gives none; damaged corners raise a FileFormatError.
     """
     text = side_file(path.parent, path.name, MAX_LABELS_BYTES)
     if text is None:

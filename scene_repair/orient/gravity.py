@@ -7,7 +7,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...formats.core.geometry import triangle_normals_and_areas
-from ..arrays import F64, I64
+from ..arrays import F64, I64, Mask
 
 # Normals are gathered in cells of about a degree, whose mean is exact.
 CELLS_PER_UNIT = 60
@@ -20,6 +20,8 @@ REFINE_DEG = (8.0, 6.0, 5.0, 4.0, 3.0, 3.0, 2.0, 2.0, 2.0, 2.0, 2.0, 2.0)
 HEIGHT_BINS = 64
 # Floors and ceilings are where at least this share of the strongest height's level area lies …
 STRONG_SHARE = 0.25
+# … and where this share lies there is a slab or a suspended ceiling, which says nothing of up.
+SLAB_SHARE = 0.5
 # … and this share of the height between them next to either is theirs: what remains are things.
 SHELL = 0.12
 # Strong heights nearer together than this share of the whole are one floor, without a ceiling.
@@ -43,7 +45,7 @@ class Surfaces:
         normals: (F, 3) unit.
         area: (F,).
         centers: (F, 3).
-        points: (N, 3) spread evenly over the surface.
+        points, point_face: (N, 3) spread evenly over the surface, and the face (N,) of each.
         cells, cell_area: mean normals (N, 3) of like-directed faces, their areas (N,); opposite
             directions count as one.
     """
@@ -52,6 +54,7 @@ class Surfaces:
     area: F64
     centers: F64
     points: F64
+    point_face: I64
     cells: F64
     cell_area: F64
 
@@ -78,14 +81,14 @@ class Surfaces:
             normals,
             area,
             (corners[:, 0] + corners[:, 1] + corners[:, 2]) / 3.0,
-            _spread(corners, area),
+            *_spread(corners, area),
             sums[directed] / length[directed, None],
             np.bincount(cell, area, count)[directed].astype(np.float64),
         )
 
 
-def _spread(corners: F64, area: F64) -> F64:
-    """Return points (N, 3) spread over triangles (F, 3, 3) of areas (F,), the same each time."""
+def _spread(corners: F64, area: F64) -> tuple[F64, I64]:
+    """Return points (N, 3) spread over triangles (F, 3, 3) of areas (F,), and the face of each."""
     passed = np.cumsum(area)
     number = np.arange(POINTS) + 0.5
     face = np.minimum(np.searchsorted(passed, number / POINTS * passed[-1]), len(area) - 1)
@@ -94,7 +97,7 @@ def _spread(corners: F64, area: F64) -> F64:
     folded = u + v > 1.0
     u, v = np.where(folded, 1.0 - u, u)[:, None], np.where(folded, 1.0 - v, v)[:, None]
     a, b, c = corners[face].swapaxes(0, 1)
-    return a + u * (b - a) + v * (c - a)
+    return a + u * (b - a) + v * (c - a), face
 
 
 def modes(surfaces: Surfaces) -> F64:
@@ -215,7 +218,7 @@ def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
     """
     cosine, area = surfaces.normals @ up, surfaces.area
     level = np.abs(cosine) > 0.9
-    low, high = _outermost(surfaces.centers[level] @ up, area[level])
+    low, high, slab = _slabs(surfaces.centers[level] @ up, area[level])
     bottom, top = height_range(surfaces, up)
     if not top > bottom:
         return 0.0, "everything lies in one plane"
@@ -231,6 +234,7 @@ def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
     shell = float(area[floor].sum() + area[ceiling].sum())
     looks_in = float(signed[floor].sum() - signed[ceiling].sum()) / shell
     things = level & ~floor & ~ceiling
+    things[level] &= ~slab
     weight = float(area[things].sum())
     if not weight > 0:
         return 0.0, "nothing stands between floor and ceiling"
@@ -243,12 +247,14 @@ def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
     )
 
 
-def _outermost(height: F64, area: F64) -> tuple[float, float]:
-    """Return the lowest and highest of places (n,) with much of the areas (n,)."""
+def _slabs(height: F64, area: F64) -> tuple[float, float, Mask]:
+    """Return the lowest and highest of places (n,) with much of the areas (n,); those with most."""
     if not len(height):
-        return 0.0, 0.0
+        return 0.0, 0.0, np.zeros(0, dtype=bool)
     histogram, edges = np.histogram(height, 4 * HEIGHT_BINS, weights=area)
     smooth = np.convolve(histogram, np.ones(3), mode="same")
     strong = np.flatnonzero(smooth > STRONG_SHARE * smooth.max())
     middle = 0.5 * (edges[1:] + edges[:-1])
-    return float(middle[strong[0]]), float(middle[strong[-1]])
+    place = np.clip(np.searchsorted(edges, height, side="right") - 1, 0, len(smooth) - 1)
+    slab = smooth[place] > SLAB_SHARE * smooth.max()
+    return float(middle[strong[0]]), float(middle[strong[-1]]), slab

@@ -24,6 +24,8 @@ PEAK_SHARE = 0.25
 # Level area at one height of less than this share of the ground plan is neither floor nor ceiling.
 PLAN_SHARE = 0.25
 LEVEL, UPRIGHT = 0.95, 0.2
+# With fewer upright faces than this, points spread over them stand for them instead of centres.
+FEW_FACES = 5000
 # Doors: samples of walls in columns, in parts of the room's height.
 WALL_SAMPLES, COLUMN = 200_000, 1 / 40
 DOOR_SHARE, DOOR_COLUMNS = (0.5, 0.87), 6
@@ -50,7 +52,6 @@ class Sizes:
 def measure(scan: Scan, surfaces: Surfaces, to_z_up: F64) -> Sizes:
     """Measure a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
     up = to_z_up[2]
-    height = surfaces.centers @ up
     floor, room = room_height(surfaces, up)
     narrow, width = sorted(float(np.ptp(height_range(surfaces, row))) for row in to_z_up[:2])
     doors = [
@@ -61,7 +62,7 @@ def measure(scan: Scan, surfaces: Surfaces, to_z_up: F64) -> Sizes:
     if doors:
         door, source = float(np.median(doors)), f"{len(doors)} labelled"
     else:
-        door, source = _door_height(surfaces, to_z_up, height, floor, room)
+        door, source = _door_height(surfaces, to_z_up, floor, room)
     return Sizes(room, door, source, width, narrow)
 
 
@@ -101,29 +102,35 @@ def hall(room_m: float, narrow_m: float) -> bool:
     return HIGH_ROOM_M < room_m <= min(narrow_m, HALL_M)
 
 
-def _door_height(
-    surfaces: Surfaces, to_z_up: F64, height: F64, floor: float, room: float
-) -> tuple[float, str]:
+def _door_height(surfaces: Surfaces, to_z_up: F64, floor: float, room: float) -> tuple[float, str]:
     """Return the typical lower edge of lintels: walls that start high and reach the ceiling.
 
     Walls under windows reach down, so that only openings from the floor up count.
     """
     if not room > 0:
         return 0.0, ""
-    upright = np.flatnonzero(np.abs(surfaces.normals @ to_z_up[2]) < UPRIGHT)
-    upright = upright[(height[upright] > floor) & (height[upright] < floor + 1.05 * room)]
-    if len(upright) < DOOR_COLUMNS:
+    upright = np.abs(surfaces.normals @ to_z_up[2]) < UPRIGHT
+    many = np.count_nonzero(upright) >= FEW_FACES
+    places = surfaces.centers[upright] if many else surfaces.points[upright[surfaces.point_face]]
+    height = places @ to_z_up[2]
+    inside = (height > floor) & (height < floor + 1.05 * room)
+    places, height = places[inside], height[inside]
+    if len(places) < DOOR_COLUMNS:
         return 0.0, ""
-    step = max(1, len(upright) // WALL_SAMPLES)
-    upright = upright[::step]
-    column = np.floor(surfaces.centers[upright] @ to_z_up[:2].T / (2 * COLUMN * room)).astype(int)
+    step = max(1, len(places) // WALL_SAMPLES)
+    places, height = places[::step], height[::step]
+    column = np.floor(places @ to_z_up[:2].T / (2 * COLUMN * room)).astype(int)
     _, cell = np.unique(column, axis=0, return_inverse=True)
-    share = (height[upright] - floor) / room
+    share = (height - floor) / room
     lowest = np.full(int(cell.max()) + 1, np.inf)
     highest = np.full(len(lowest), -np.inf)
     np.minimum.at(lowest, cell, share)
     np.maximum.at(highest, cell, share)
     lintel = (lowest > DOOR_SHARE[0]) & (lowest < DOOR_SHARE[1]) & (highest > 0.9)
+    if not many:
+        # Columns that a wall barely enters have few points, anywhere.
+        count = np.bincount(cell)
+        lintel &= count >= 0.5 * np.median(count) * (1.0 - lowest)
     if lintel.sum() < DOOR_COLUMNS:
         return 0.0, ""
     histogram, edges = np.histogram(lowest[lintel], 14, DOOR_SHARE)

@@ -19,7 +19,6 @@ MAX_TOTAL_PIXELS = 256_000_000
 MAX_SOURCE_PIXELS = 8_000_000_000
 # Pillow passes some other formats to external programs. Phones write JPEG that it calls MPO.
 FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF", "GIF", "TGA")
-FOUND_FORMATS = (*FORMATS, "MPO")
 
 
 @dataclass
@@ -95,7 +94,7 @@ def decode_all(
 def _decode(image: Image.Image, name: str, scale: float, warnings: list[str]) -> Image.Image | None:
     kind = image.format
     try:
-        if kind is not None and kind not in FOUND_FORMATS:
+        if kind is not None and kind not in (*FORMATS, "MPO"):
             raise ValueError(f"{kind} is not supported; valid: {', '.join(FORMATS)}")
         picture = _rgb(image)
     except Exception as error:

@@ -29,10 +29,7 @@ THINNEST, HIGHEST = 0.2, 6.0
 
 
 def without_parts(scan: Scan, names: tuple[str, ...]) -> Scan:
-    """Return the scan without the named parts, and without what dwarfs the rest.
-
-    Args:
-        names: of parts, whole or the last piece of a path, or patterns such as `Tree*`.
+    """Return the scan without what dwarfs the rest, and without parts named, also by pattern.
 
     Raises:
         UnknownNameError: a name fits no part; lists them.

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import re
 import warnings as warnings_module
 from collections.abc import Iterator
 from dataclasses import replace
@@ -76,23 +77,26 @@ def read_mesh(path: Path) -> Scan:
 
 
 def _load_plain(path: Path, resolver: ConfinedResolver) -> trimesh.Scene:
-    """Load a file that is no glTF; of an OBJ file without faces that have missing vertices."""
+    """Load a file that is no glTF; an OBJ file without faces of missing vertices."""
     data = read_input(path, max_bytes=limits().scan_bytes)
-    try:
+    if path.suffix.lower() != ".obj":
         return _load(path, io.BytesIO(data), resolver)
+    # Some exporters name groups, others objects, which count more.
+    split = "split_objects" if re.search(rb"^o[ \t]", data, re.MULTILINE) else "split_groups"
+    try:
+        return _load(path, io.BytesIO(data), resolver, **{split: True})
     except FileFormatError:
-        if path.suffix.lower() != ".obj":
-            raise
         sound, dropped = without_bad_faces(data)
         if not dropped:
             raise
         resolver.warnings.append(f"{dropped} faces with indices out of range dropped")
-        return _load(path, io.BytesIO(sound), resolver)
+        return _load(path, io.BytesIO(sound), resolver, **{split: True})
 
 
-def _load(path: Path, stream: IO[bytes], resolver: ConfinedResolver) -> trimesh.Scene:
+def _load(
+    path: Path, stream: IO[bytes], resolver: ConfinedResolver, **options: bool
+) -> trimesh.Scene:
     kind = path.suffix.lower()[1:]
-    options: dict[str, Any] = {"split_objects": True} if kind == "obj" else {}
     try:
         with warnings_module.catch_warnings(), _quiet():
             # NumPy's words about damaged numbers inside trimesh; they are looked at below.

@@ -107,14 +107,12 @@ def _points(o3d: Any, path: Path, warnings: list[str]) -> tuple[F64, F64 | None,
             f"valid: at least {LEAST_POINTS}",
         )
     colors = np.asarray(cloud.colors)[usable] if cloud.has_colors() else None
-    normals = None
-    if cloud.has_normals():
-        normals = np.asarray(cloud.normals)[usable]
+    normals = np.asarray(cloud.normals)[usable] if cloud.has_normals() else None
+    if normals is not None:
         length = np.linalg.norm(normals, axis=1)
-        if np.isfinite(length).all() and (np.abs(length - 1.0) < 0.1).mean() > 0.99:
-            normals = normals / np.maximum(length, 1e-9)[:, None]
-        else:
-            normals = None
+        unit = np.isfinite(length).all() and (np.abs(length - 1.0) < 0.1).mean() > 0.99
+        normals = normals / np.maximum(length, 1e-9)[:, None] if unit else None
+        if not unit:
             warnings.append("normals do not have unit length; estimated again")
     return points[usable], None if colors is None else np.nan_to_num(colors), normals
 

@@ -41,13 +41,10 @@ def run_child[T](
     seconds: float | None = None,
     memory_bytes: int = MEMORY_BYTES,
 ) -> T:
-    """Run a reader in a child process.
+    """Run a reader, a module and its first arguments that ends with `answer`, in a child process.
 
-    Args:
-        reader: module that is run, and its first arguments; it ends with `answer`.
-        load: makes the result of the child's answer and the folder with its other files.
-        seconds: wall time it may take; None = by the file's size.
-        memory_bytes: address space it may take.
+    `load` makes the result of the child's answer and the folder with its other files. The child may
+    take `seconds` of wall time, None = by the file's size, and `memory_bytes` of address space.
 
     Raises:
         FileFormatError: the file is damaged, or reading it took too long or too much memory.

@@ -45,12 +45,10 @@ class KeptSplats:
 def read_splat_scan(
     path: Path, progress: Callable[[str], None], collision: Path | None = None
 ) -> Scan:
-    """Read the splats of `path` and the surface that they show.
+    """Read the splats of `path` and the surface that they show; report progress in short lines.
 
-    Args:
-        tell: called with a short line of progress before each step.
-        collision: mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
-            takes the place of the fused surface; None = fuse one.
+    `collision` is a mesh, USD stage or InteriorGS' `occupancy.png` in the same coordinates, which
+    takes the place of the fused surface; None = fuse one.
 
     Raises:
         FileFormatError: damaged, or without a surface that can be seen from inside.

@@ -16,6 +16,7 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.gltf import checks as gltf_check
 from vlnpe.scene_repair.gltf.file import GltfFile
 from vlnpe.scene_repair.scan.mesh import _load, _parts, read_mesh
+from vlnpe.scene_repair.scan.record import Scan
 from vlnpe.scene_repair.scan.resolver import ConfinedResolver
 
 pytestmark = pytest.mark.chain
@@ -29,50 +30,35 @@ def test_handmade_triangle_is_sound(tmp_path: Path) -> None:
     assert len(scan.faces) == 1
 
 
+def points(count: float, **more: Any) -> dict[str, Any]:
+    return {"componentType": 5126, "count": count, "type": "VEC3", **more}
+
+
+def buffer(uri: str) -> dict[str, Any]:
+    return {"buffers": [{"byteLength": 42, "uri": uri}]}
+
+
+DRACO = {"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {}}}
+PACKED = {"attributes": {"POSITION": 0}, "indices": 1, "extensions": DRACO}
+VIEW = {"buffer": 0, "byteLength": 36}
+OUT = "leads out of the scan's folder"
+
+
 @pytest.mark.parametrize(
     ("change", "what"),
     [
-        (
-            {
-                "accessors": [
-                    {"bufferView": 0, "componentType": 5126, "count": 4_000_000_000, "type": "VEC3"}
-                ]
-            },
-            "4,000,000,000 elements",
-        ),
-        (
-            {"accessors": [{"componentType": 5126, "count": 4_000_000_000, "type": "VEC3"}]},
-            "without data",
-        ),
+        ({"accessors": [points(4_000_000_000, bufferView=0)]}, "4,000,000,000 elements"),
+        ({"accessors": [points(4_000_000_000)]}, "without data"),
         ({"bufferViews": [{"buffer": 0, "byteLength": 10**9}]}, "1,000,000,000 of"),
-        (
-            {"bufferViews": [{"buffer": 0, "byteOffset": float("inf"), "byteLength": 36}]},
-            "OverflowError",
-        ),
-        (
-            {
-                "accessors": [
-                    {"bufferView": 0, "componentType": 5126, "count": 1e999, "type": "VEC3"}
-                ]
-            },
-            "OverflowError",
-        ),
-        (
-            {"accessors": [{"componentType": 5126, "count": 6_000_000, "type": "VEC3"}] * 2},
-            "12,000,000 elements without data",
-        ),
-        ({"buffers": [{"byteLength": 42, "uri": "../x.bin"}]}, "leads out of the scan's folder"),
-        (
-            {"buffers": [{"byteLength": 42, "uri": "/etc/hostname"}]},
-            "leads out of the scan's folder",
-        ),
-        ({"buffers": [{"byteLength": 42, "uri": "http://x.test/a.bin"}]}, "out of the scan's"),
-        (
-            {"buffers": [{"byteLength": 42, "uri": "%2e%2e/x.bin"}]},
-            "leads out of the scan's folder",
-        ),
-        ({"buffers": [{"byteLength": 42, "uri": "none.bin"}]}, "missing"),
-        ({"buffers": [{"byteLength": 42, "uri": "data:,!!!"}]}, "base64"),
+        ({"bufferViews": [{**VIEW, "byteOffset": float("inf")}]}, "OverflowError"),
+        ({"accessors": [points(1e999, bufferView=0)]}, "OverflowError"),
+        ({"accessors": [points(6_000_000)] * 2}, "12,000,000 elements without data"),
+        (buffer("../x.bin"), OUT),
+        (buffer("/etc/hostname"), OUT),
+        (buffer("http://x.test/a.bin"), OUT),
+        (buffer("%2e%2e/x.bin"), OUT),
+        (buffer("none.bin"), "missing"),
+        (buffer("data:,!!!"), "base64"),
         ({"nodes": [{"mesh": 0, "children": [1]}, {"children": [0]}]}, "its own ancestor"),
         ({"nodes": [{"mesh": 7}]}, "mesh 7; there are 1"),
         ({"nodes": [{"mesh": 0, "children": [9]}]}, "node 9 does not exist; there are 1"),
@@ -80,35 +66,8 @@ def test_handmade_triangle_is_sound(tmp_path: Path) -> None:
         ({"nodes": [{"children": [k + 1]} for k in range(2000)] + [{"mesh": 0}]}, "deep"),
         ({"materials": True}, "not a list of objects"),
         ({"asset": {"version": "1.0"}}, "valid: 2"),
-        (
-            {
-                "meshes": [
-                    {
-                        "primitives": [
-                            {
-                                "attributes": {"POSITION": 0},
-                                "indices": 1,
-                                "extensions": {
-                                    "KHR_draco_mesh_compression": {
-                                        "bufferView": 0,
-                                        "attributes": {},
-                                    }
-                                },
-                            }
-                        ]
-                    }
-                ]
-            },
-            "Draco",
-        ),
-        (
-            {
-                "bufferViews": [
-                    {"buffer": 0, "byteLength": 36, "extensions": {"EXT_meshopt_compression": {}}}
-                ]
-            },
-            "meshopt",
-        ),
+        ({"meshes": [{"primitives": [PACKED]}]}, "Draco"),
+        ({"bufferViews": [{**VIEW, "extensions": {"EXT_meshopt_compression": {}}}]}, "meshopt"),
     ],
 )
 def test_inconsistent_gltf_is_refused(change: dict[str, Any], what: str, tmp_path: Path) -> None:
@@ -122,15 +81,18 @@ def test_inconsistent_gltf_is_refused(change: dict[str, Any], what: str, tmp_pat
     assert caught.value.path == path
 
 
-@pytest.mark.parametrize("rotation", [10**400, float("inf"), float("nan"), "a"])
-def test_impossible_texture_transforms_leave_the_colour(rotation: Any, tmp_path: Path) -> None:
+def read_transformed(folder: Path, transform: dict[str, Any]) -> Scan:
     png = base64.b64encode(picture_bytes(4, 4)).decode()
     tree, data = picture_tree(f"data:image/png;base64,{png}")
     info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-    info["extensions"] = {"KHR_texture_transform": {"rotation": rotation}}
-    path = tmp_path / "scan.glb"
-    path.write_bytes(glb(tree, data))
-    scan = read_mesh(path)
+    info["extensions"] = {"KHR_texture_transform": transform}
+    (folder / "scan.glb").write_bytes(glb(tree, data))
+    return read_mesh(folder / "scan.glb")
+
+
+@pytest.mark.parametrize("rotation", [10**400, float("inf"), float("nan"), "a"])
+def test_impossible_texture_transforms_leave_the_colour(rotation: Any, tmp_path: Path) -> None:
+    scan = read_transformed(tmp_path, {"rotation": rotation})
     check_sound(scan)
     assert scan.materials[0].image is None
     assert any("its picture cannot be read" in w for w in scan.warnings)
@@ -222,13 +184,7 @@ def test_indices_out_of_range_are_dropped(tmp_path: Path) -> None:
 
 
 def test_texture_transform_is_applied(tmp_path: Path) -> None:
-    png = base64.b64encode(picture_bytes(4, 4)).decode()
-    tree, data = picture_tree(f"data:image/png;base64,{png}")
-    info = tree["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-    info["extensions"] = {"KHR_texture_transform": {"offset": [0.5, 0.25], "scale": [2, 4]}}
-    path = tmp_path / "scan.glb"
-    path.write_bytes(glb(tree, data))
-    scan = read_mesh(path)
+    scan = read_transformed(tmp_path, {"offset": [0.5, 0.25], "scale": [2, 4]})
     assert scan.materials[0].name == "paint"
     assert scan.materials[0].image is not None
     # Written v down: (0, 0), (1, 0), (1, 1).

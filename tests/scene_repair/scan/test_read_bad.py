@@ -15,7 +15,6 @@ from tests.support.scenes.damage import damage, sound_files
 from tests.support.scenes.small_glb import check_sound
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.formats.splats.ply_header import read_ply_header
 from vlnpe.scene_repair.grid import columns as columns_module
 from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.scan.dispatch import read_scan, scan_of
@@ -40,25 +39,23 @@ def test_false_ply_headers_are_refused(kind: str, counts: tuple[int, int], tmp_p
         read_scan(path)
 
 
-def test_ply_header_without_end(tmp_path: Path) -> None:
-    path = tmp_path / "scan.ply"
-    path.write_bytes(b"ply\n" + b"comment x\n" * 100_000)
-    with pytest.raises(FileFormatError, match="no PLY header"):
-        read_ply_header(path)
+FALSE = {
+    "a.stl": (
+        bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50),
+        "declares 4,000,000,000 tri",
+    ),
+    "a.off": (b"OFF\n3 4000000000 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n", "declares"),
+    "a.obj": (b"v 0 0 0\nv 1 0 0\nv 1 1 0\n" + b"o a\nf 1 2 3\n" * 60_000, "60,000 groups"),
+    "a.ply": (b"ply\n" + b"comment x\n" * 100_000, "no PLY header"),
+}
 
 
-def test_stl_with_a_false_triangle_count_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "scan.stl"
-    path.write_bytes(bytes(80) + struct.pack("<I", 4_000_000_000) + bytes(50))
-    with pytest.raises(FileFormatError, match="declares 4,000,000,000 triangles"):
-        read_mesh(path)
-
-
-def test_off_with_false_counts_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "scan.off"
-    path.write_text("OFF\n3 4000000000 0\n0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n")
-    with pytest.raises(FileFormatError, match="declares"):
-        read_mesh(path)
+@pytest.mark.parametrize("name", FALSE)
+def test_false_headers_are_refused(name: str, tmp_path: Path) -> None:
+    data, message = FALSE[name]
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(FileFormatError, match=message):
+        read_mesh(tmp_path / name)
 
 
 def test_off_with_comments(tmp_path: Path) -> None:
@@ -68,13 +65,6 @@ def test_off_with_comments(tmp_path: Path) -> None:
         "0 0 0\n1 0 0\n1 1 0\n3 0 1 2\n"
     )
     assert len(read_mesh(path).faces) == 1
-
-
-def test_obj_of_very_many_groups(tmp_path: Path) -> None:
-    path = tmp_path / "scan.obj"
-    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\n" + "o a\nf 1 2 3\n" * 60_000)
-    with pytest.raises(FileFormatError, match="60,000 groups"):
-        read_mesh(path)
 
 
 def test_a_hundred_thousand_loose_pieces_are_read(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSemantics, UsdShade, UsdUtils
 
 from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
 from tests.support.scenes.usd_stages import (
     SQUARE,
     bind,
@@ -21,7 +22,6 @@ from tests.support.scenes.usd_stages import (
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
-from vlnpe.scene_repair.repair import repair_scene
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.usd.shapes import simple_shape
 
@@ -241,9 +241,8 @@ def test_our_own_scene_reads_back(tmp_path: Path) -> None:
         "Bed_1": scans.box((1, 1, 0.1), (2, 2, 0.6)),
     }
     source = scans.write_named_glb(parts, tmp_path / "scan.glb")
-    (tmp_path / "out").mkdir()
-    bundle = repair_scene(source, tmp_path / "out", RepairConfig(picture_px=200))
-    scan = read_here(tmp_path / "out" / "scene.usdc")
+    bundle = repaired(source, tmp_path)
+    scan = read_here(bundle.root / "scene.usdc")
     visual = bundle.visual()
     assert len(scan.faces) == len(visual.faces)
     area = [

@@ -101,10 +101,6 @@ def mesh(stage: Usd.Stage) -> UsdGeom.Mesh:
     return UsdGeom.Mesh.Get(stage, f"{CRATE}/red_paint")
 
 
-def points(stage: Usd.Stage, value: list[tuple[float, float, float]]) -> None:
-    mesh(stage).GetPointsAttr().Set(Vt.Vec3fArray(value))
-
-
 def primvar(stage: Usd.Stage) -> UsdGeom.Primvar:
     return UsdGeom.PrimvarsAPI(mesh(stage)).GetPrimvar("st")
 
@@ -117,83 +113,65 @@ def move(stage: Usd.Stage) -> None:
     UsdPhysics.RigidBodyAPI.Apply(stage.GetPrimAtPath("/World/Collision"))
 
 
-def texture(stage: Usd.Stage, name: str) -> None:
-    shader = UsdShade.Shader.Get(stage, "/World/Looks/red_paint/Texture")
-    shader.GetInput("file").Set(Sdf.AssetPath(name))
+def texture_to(name: str) -> Callable[[Usd.Stage], object]:
+    path = "/World/Looks/red_paint/Texture"
+    return lambda s: UsdShade.Shader.Get(s, path).GetInput("file").Set(Sdf.AssetPath(name))
 
 
-TRIANGLE = [(0, 0, 0), (1, 0, 0), (1, 1, 0)]
+def indices_to(*values: int) -> Callable[[Usd.Stage], object]:
+    return lambda stage: mesh(stage).GetFaceVertexIndicesAttr().Set(Vt.IntArray(values))
+
+
+def counts_to(*values: int) -> Callable[[Usd.Stage], object]:
+    return lambda stage: mesh(stage).GetFaceVertexCountsAttr().Set(Vt.IntArray(values))
+
+
+def points_to(*value: tuple[float, float, float]) -> Callable[[Usd.Stage], object]:
+    return lambda stage: mesh(stage).GetPointsAttr().Set(Vt.Vec3fArray(value))
+
+
+def coordinates_to(value: Any) -> Callable[[Usd.Stage], object]:
+    return lambda stage: primvar(stage).Set(Vt.Vec2fArray(value))
+
+
+def hull(stage: Usd.Stage) -> None:
+    UsdPhysics.MeshCollisionAPI.Get(stage, FLOOR).GetApproximationAttr().Set("convexHull")
+
+
+def unlabel(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(CRATE).GetAttribute("semantics:labels:class").Set([])
+
+
 BREAKS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
-    "index too large": (
-        lambda s: mesh(s).GetFaceVertexIndicesAttr().Set(Vt.IntArray([0, 1, 3])),
-        "face index 3 out of range",
-    ),
-    "index negative": (
-        lambda s: mesh(s).GetFaceVertexIndicesAttr().Set(Vt.IntArray([0, -1, 2])),
-        "face index -1 out of range",
-    ),
-    "indices too few": (
-        lambda s: mesh(s).GetFaceVertexIndicesAttr().Set(Vt.IntArray([0, 1])),
-        "2 face indices, the counts say 3",
-    ),
-    "a face of two corners": (
-        lambda s: mesh(s).GetFaceVertexCountsAttr().Set(Vt.IntArray([2])),
-        "face 0 has 2 corners",
-    ),
-    "no faces": (
-        lambda s: mesh(s).GetFaceVertexCountsAttr().Set(Vt.IntArray([])),
-        "without points or faces",
-    ),
-    "not a number": (
-        lambda s: points(s, [(0, 0, 0), (1, 0, 0), (np.nan, 1, 0)]),
-        "point 2 is not a number",
-    ),
-    "infinite": (
-        lambda s: points(s, [(0, np.inf, 0), (1, 0, 0), (0, 1, 0)]),
-        "point 0 is not a number",
-    ),
-    "a corner named twice": (
-        lambda s: mesh(s).GetFaceVertexIndicesAttr().Set(Vt.IntArray([0, 1, 1])),
-        "coinciding corners, the first is 0",
-    ),
-    "corners in one place": (
-        lambda s: points(s, [(0, 0, 0), (1, 1, 0), (0, 0, 0)]),
-        "coinciding corners, the first is 0",
-    ),
-    "extent": (lambda s: points(s, [*TRIANGLE[:2], (1, 1.5, 0)]), "extent is off by 0.5 m"),
-    "texture coordinates": (
-        lambda s: primvar(s).Set(Vt.Vec2fArray(2)),
-        "primvar st (faceVarying) has 2 values, the mesh needs 3",
-    ),
-    "texture coordinate that is no number": (
-        lambda s: primvar(s).Set(Vt.Vec2fArray([(0, 0), (0, np.nan), (0, 0)])),
+    "index too large": (indices_to(0, 1, 3), "face index 3 out of range"),
+    "index negative": (indices_to(0, -1, 2), "face index -1 out of range"),
+    "indices too few": (indices_to(0, 1), "2 face indices, the counts say 3"),
+    "a face of two corners": (counts_to(2), "face 0 has 2 corners"),
+    "no faces": (counts_to(), "without points or faces"),
+    "not a number": (points_to((0, 0, 0), (1, 0, 0), (np.nan, 1, 0)), "point 2 is not a number"),
+    "infinite": (points_to((0, np.inf, 0), (1, 0, 0), (0, 1, 0)), "point 0 is not a number"),
+    "a corner named twice": (indices_to(0, 1, 1), "coinciding corners, the first is 0"),
+    "corners in one place": (points_to((0, 0, 0), (1, 1, 0), (0, 0, 0)), "coinciding corners, the"),
+    "extent": (points_to((0, 0, 0), (1, 0, 0), (1, 1.5, 0)), "extent is off by 0.5 m"),
+    "texture coordinates": (coordinates_to(2), "st (faceVarying) has 2 values, the mesh needs 3"),
+    "a coordinate that is no number": (
+        coordinates_to([(0, 0), (0, np.nan), (0, 0)]),
         "primvar st has values that are not numbers",
     ),
     "primvar index": (indexed, "primvar st: index out of range, valid: 0 … 2"),
     "up axis": (lambda s: UsdGeom.SetStageUpAxis(s, "Y"), "up axis Y"),
     "unit": (lambda s: UsdGeom.SetStageMetersPerUnit(s, 0.01), "0.01 m per unit"),
     "default prim": (lambda s: s.ClearDefaultPrim(), "no default prim"),
-    "convex hull": (
-        lambda s: (
-            UsdPhysics.MeshCollisionAPI.Get(s, FLOOR).GetApproximationAttr().Set("convexHull")
-        ),
-        "approximation is convexHull",
-    ),
+    "convex hull": (hull, "approximation is convexHull"),
     "moving collider": (move, "moves with rigid body /World/Collision"),
     "no floor": (lambda s: s.RemovePrim(FLOOR), "no collider is labelled as floor"),
-    "empty label": (
-        lambda s: s.GetPrimAtPath(CRATE).GetAttribute("semantics:labels:class").Set([]),
-        "empty label in class",
-    ),
+    "empty label": (unlabel, "empty label in class"),
     "material": (lambda s: s.RemovePrim("/World/Looks/red_paint"), "does not exist"),
-    "texture missing": (lambda s: texture(s, "./textures/blue.png"), "blue.png is missing"),
-    "texture above": (lambda s: texture(s, "../red.png"), "not a relative path"),
-    "texture absolute": (lambda s: texture(s, "/etc/red.png"), "not a relative path"),
-    "texture elsewhere": (lambda s: texture(s, "https://a.b/red.png"), "not a relative path"),
-    "what usd-core finds": (
-        lambda s: UsdGeom.Cube.Define(s, f"{CRATE}/red_paint/Inner"),
-        "InvalidNestedGprims",
-    ),
+    "texture missing": (texture_to("./textures/blue.png"), "blue.png is missing"),
+    "texture above": (texture_to("../red.png"), "not a relative path"),
+    "texture absolute": (texture_to("/etc/red.png"), "not a relative path"),
+    "texture elsewhere": (texture_to("https://a.b/red.png"), "not a relative path"),
+    "nested": (lambda s: UsdGeom.Cube.Define(s, f"{CRATE}/red_paint/In"), "InvalidNestedGprims"),
 }
 
 
