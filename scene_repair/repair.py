@@ -41,6 +41,8 @@ LEAST_CLEARANCE_M = 0.08
 CEILING_DROP_M = 0.012
 # Larger maps take more memory than is reasonable; the sampling gets coarser, then it is refused.
 MAX_CELLS = 30_000_000
+# Voxels of a level take 10 bytes each; a hilly ground has as many layers as it is high.
+MAX_VOXELS = 500_000_000
 
 
 Reader = Callable[[Path, RepairConfig, Callable[[str], None]], Scan]
@@ -96,6 +98,7 @@ def repair_scene(
     coarse, fine = _grids(scan, original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
     scanned_floors, notes, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
+    _check_voxels(scan, scanned_floors, config)
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
     floors = _repair_floors(scan, clear, scanned_floors, ignore, config, report)
     mesh = floors[-1].mesh
@@ -138,6 +141,21 @@ def _grids(scan: Scan, mesh: WorldMesh, config: RepairConfig) -> tuple[GridSpec,
         coarse.origin_xy_m, config.cell_m / factor, coarse.rows * factor, coarse.columns * factor
     )
     return coarse, fine
+
+
+def _check_voxels(scan: Scan, floors: list[ScannedFloor], config: RepairConfig) -> None:
+    """Raise SceneError if a floor spans so much height and area that memory would not do."""
+    for floor in floors:
+        cells = np.argwhere(np.isfinite(floor.z_m))
+        width, depth = np.ptp(cells, axis=0) * floor.grid.cell_m
+        height = float(np.nanmax(floor.z_m) - np.nanmin(floor.z_m))
+        voxels = width * depth * (height + config.robot_height_m) / config.cell_m**3
+        if voxels > MAX_VOXELS:
+            raise SceneError(
+                f"its floor at {floor.floor_z_m:.2f} m spans {width:.0f} × {depth:.0f} m and "
+                f"{height:.1f} m of height: {voxels:,.0f} voxels; valid: up to {MAX_VOXELS:,} "
+                f"({advice(scan)}cut it into parts, or leave some out: --exclude NAME)"
+            )
 
 
 def _find_floors(

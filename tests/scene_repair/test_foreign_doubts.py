@@ -12,6 +12,7 @@ from tests.scene_repair.test_foreign_models import area, repaired, sky
 from tests.support.scenes import buildings, scans
 from tests.support.scenes.foreign import FAR, Parts, box, room, shell, write, write_usd
 from vlnpe.formats.core.errors import SceneError
+from vlnpe.scene_repair import repair
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.orient.transform import orient
 from vlnpe.scene_repair.scan.dispatch import read_scan
@@ -115,6 +116,18 @@ def test_what_makes_a_scene_too_large_is_named(name: str, tmp_path: Path) -> Non
     assert advice in str(caught.value)
 
 
+def test_a_hilly_ground_is_named_before_it_takes_all_memory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(repair, "MAX_VOXELS", 2_000_000)
+    ground = scans.sheet((-15, -15), (15, 15), z=-0.12, step=1.0)
+    points = np.array(ground.vertices)
+    points[:, 2] += 0.15 * np.maximum(np.abs(points[:, :2]).max(axis=1) - 6, 0)
+    terrain = {"Terrain": trimesh.Trimesh(points, ground.faces, process=False)}
+    with pytest.raises(SceneError, match=r"voxels; .*--exclude Terrain"):
+        repaired(write({**room(), **terrain}, tmp_path / "a.glb", y_up=True, generator=EDITOR))
+
+
 def turned(parts: list[trimesh.Trimesh], axis: str, factor: float = 1.0) -> list[trimesh.Trimesh]:
     """Return copies with z brought to an axis, in other units."""
     turn = {"z": np.eye(3), "y": scans.TO_Y_UP[:3, :3], "x": np.roll(np.eye(3), 1, axis=0)}[axis]
@@ -176,6 +189,31 @@ def test_habits_of_exporters(name: str, tmp_path: Path) -> None:
     assert (evidence["up"], evidence["unit"]) == (up, unit), evidence
     lines = evidence["doubts"]
     assert any(doubt in line for line in lines) if doubt else lines == [], lines
+
+
+def test_groups_of_an_obj_file_are_parts(tmp_path: Path) -> None:
+    """As Rhino and Revit write them; objects, where there are any, count more."""
+    lines, first = [], 1
+    for name, part in room().items():
+        lines += [f"g {name}", *(f"v {x} {y} {z}" for x, y, z in part.vertices)]
+        lines += [f"f {a} {b} {c}" for a, b, c in part.faces + first]
+        first += len(part.vertices)
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    scan = read_scan(tmp_path / "a.obj")
+    assert set(scan.parts) == set(room())
+    assert "1 objects named as floor" in orient(scan, RepairConfig()).evidence["up_reason"]
+    (tmp_path / "a.obj").write_text("\n".join(["o all", *lines]))
+    assert read_scan(tmp_path / "a.obj").parts == ("all",)
+
+
+@pytest.mark.parametrize("below_m", [0.2, 0.5])
+def test_a_suspended_ceiling_does_not_turn_a_building(below_m: float, tmp_path: Path) -> None:
+    desks = [box((x, 1, 0.7), (x + 1.6, 1.8, 0.74)) for x in (1, 4, 7)]
+    slabs = [box((0, 0, -0.3), (12, 9, 0)), box((0, 0, 3), (12, 9, 3.3))]
+    tiles = box((0, 0, 3 - below_m), (12, 9, 3.02 - below_m))
+    source = write([*shell(), *desks, *slabs, tiles], tmp_path / "a.obj")
+    evidence = orient(read_scan(source), RepairConfig()).evidence
+    assert evidence["up"] == "z"
 
 
 def test_a_floor_is_laid_far_from_the_origin(tmp_path: Path) -> None:

@@ -144,6 +144,15 @@ def test_damaged_house_files_are_named(text: str, what: str, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("name", "category"),
     [
+        ("KitchenTable_1", "kitchen table"),
+        ("SofaC_1", "sofa"),
+        ("Bed_3", "bed"),
+        ("TVCabinet_1", "tv cabinet"),
+        ("FloorB_1", "floor"),
+        ("RoomWindow_9", "window"),
+        ("geometry_0", ""),
+        ("mesh12.obj", ""),
+        ("dining-chair.003", "dining chair"),
         ("model_856a914fb4f34268d85458eea8f6c5f4_0", ""),
         ("Instance", ""),
         ("chestOfDrawers_0012", "chest of drawers"),
@@ -153,7 +162,7 @@ def test_damaged_house_files_are_named(text: str, what: str, tmp_path: Path) -> 
         ("nursesstation_1", "reception desk"),
     ],
 )
-def test_generated_names_give_no_category(name: str, category: str) -> None:
+def test_category_from_name(name: str, category: str) -> None:
     assert category_of_name(name) == category
 
 

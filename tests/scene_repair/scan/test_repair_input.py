@@ -20,7 +20,6 @@ from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.errors import FileFormatError, InputError, SceneError, UnknownNameError
 from vlnpe.formats.core.frames import habitat_to_world_position
 from vlnpe.scene_repair.config import RepairConfig
-from vlnpe.scene_repair.labels.categories import category_of_name
 from vlnpe.scene_repair.labels.files import read_labels
 from vlnpe.scene_repair.orient.transform import orient
 from vlnpe.scene_repair.repair import repair_scene
@@ -214,24 +213,6 @@ def test_weld_merges_equal_places_only() -> None:
     assert np.allclose(points[faces], vertices[[[0, 1, 2], [3, 4, 2]]])
 
 
-@pytest.mark.parametrize(
-    ("name", "category"),
-    [
-        ("KitchenTable_1", "kitchen table"),
-        ("SofaC_1", "sofa"),
-        ("Bed_3", "bed"),
-        ("TVCabinet_1", "tv cabinet"),
-        ("FloorB_1", "floor"),
-        ("RoomWindow_9", "window"),
-        ("geometry_0", ""),
-        ("mesh12.obj", ""),
-        ("dining-chair.003", "dining chair"),
-    ],
-)
-def test_category_from_name(name: str, category: str) -> None:
-    assert category_of_name(name) == category
-
-
 @pytest.mark.chain
 def test_own_labels(tmp_path: Path) -> None:
     table = {"name": "T1", "category": "table", "lower": [0.9, 0, -2.1], "upper": [2.1, 0.8, -0.9]}
@@ -264,14 +245,6 @@ def test_headset_labels(shared_scenes: Path) -> None:
         assert corners[:, 1].max() == pytest.approx(ceiling.center[1], abs=0.02)
     desk = max((b for b in boxes if b.category == "table"), key=lambda b: np.prod(b.half))
     assert desk.corners()[:, 1].min() == pytest.approx(floor.center[1], abs=0.03)
-
-
-@pytest.mark.parametrize("text", ["{}", "[1]", '{"frame": "world", "objects": []}', "\x00", "[{}]"])
-def test_damaged_labels_are_named(text: str, tmp_path: Path) -> None:
-    source = scans.write_glb(scans.room(), tmp_path / "scan.glb")
-    (tmp_path / "scan.labels.json").write_text(text)
-    with pytest.raises(FileFormatError, match=r"scan\.labels\.json: not (a label file|JSON)"):
-        read_labels(source)
 
 
 def refused(source: Path, config: RepairConfig | None = None) -> str:

@@ -83,7 +83,7 @@ def own(lower: str) -> str:
 @pytest.mark.parametrize(
     "text",
     [
-        "[5]",
+        *("{}", "[1]", "[{}]", "[5]", '{"frame": "world", "objects": []}'),
         '[{"label": null}]',
         '{"frame": "source", "objects": [5]}',
         own("1" * 401),
