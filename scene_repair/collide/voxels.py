@@ -21,8 +21,7 @@ class Voxels:
     """Occupied voxels above a floor.
 
     Attributes:
-        grid: horizontal cells; voxels are cubes of `grid.cell_m`.
-        z0_m: world height of layer 0's bottom.
+        grid, z0_m: horizontal cells, whose side voxels have, and world height of layer 0's bottom.
         lower, upper: (rows, columns, layers, 3) uint8 extent (x, y, z) of what lies in a voxel, in
             1/`STEPS` of its side from its lower corner; upper = 0 in z means empty.
         owner: (rows, columns, layers) int32 owner of a face in the voxel, −1 = none.

@@ -29,8 +29,7 @@ class FillPlan:
     """What is filled on a level; all maps (rows, columns) over `grid`.
 
     Attributes:
-        fill: holes that get a floor, and thin gaps beside them.
-        leave: holes that stay open.
+        fill, leave: holes that get a floor and thin gaps beside them, and holes that stay open.
         target: `fill`, cracks, and cells at its rim whose face slopes away.
         height_m: reference height everywhere: modelled in holes, the nearest floor's elsewhere.
         rooms: number of the room that each cell lies in or is nearest to, from 1.

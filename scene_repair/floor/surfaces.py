@@ -21,15 +21,9 @@ STANDING_M = 1.6
 
 @dataclass(frozen=True)
 class Surfaces:
-    """Connected horizontal surfaces over a grid.
+    """Connected horizontal surfaces: samples (N,) with their cells, heights and triangles.
 
-    Attributes:
-        cell: (N,) int64 cell of every sample.
-        z_m: (N,) float64 height.
-        face: (N,) int32 triangle.
-        clear_m: (N,) float64 free height above, inf under open sky.
-        part: (N,) int64 surface the sample belongs to, 0 … parts − 1.
-        parts: number of surfaces.
+    `clear_m` is the free height above, inf under the open sky; `part` is 0 … parts − 1.
     """
 
     cell: I64

@@ -22,13 +22,9 @@ INSERTED = 64
 
 @dataclass(frozen=True)
 class Columns:
-    """Surface heights per cell, sorted upwards, in compressed rows.
+    """Surface heights `z` (N,) [m] per cell, sorted upwards, and the triangles (N,) that were hit.
 
-    Attributes:
-        grid: the cells; cell index = row * columns + column.
-        start: (cells + 1,) int64; hits of a cell are `start[i]:start[i + 1]`.
-        z: (N,) float32 world height [m].
-        face: (N,) int32 triangle that was hit.
+    Hits of cell i = row * columns + column are `start[i]:start[i + 1]`.
     """
 
     grid: GridSpec

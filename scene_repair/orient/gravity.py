@@ -42,9 +42,7 @@ class Surfaces:
     """A scan's faces as directions and places.
 
     Attributes:
-        normals: (F, 3) unit.
-        area: (F,).
-        centers: (F, 3).
+        normals, area, centers: (F, 3) unit, (F,) and (F, 3).
         points, point_face: (N, 3) spread evenly over the surface, and the face (N,) of each.
         cells, cell_area: mean normals (N, 3) of like-directed faces, their areas (N,); opposite
             directions count as one.

@@ -41,12 +41,9 @@ MAX_THINGS = 5000
 
 @dataclass(frozen=True)
 class UsdContent:
-    """The content of the file.
+    """The content of the file, as in `SceneBundle`; `levels`: what carries, what is in the way.
 
-    Attributes:
-        visual, materials, labels, objects: as in `SceneBundle`.
-        levels: what carries and what is in the way, lowest level first.
-        facts: where the scene comes from (source, sha256, licence, …), kept as layer data.
+    `facts` say where the scene comes from (source, sha256, licence, …) and are kept as layer data.
     """
 
     visual: VisualMesh
