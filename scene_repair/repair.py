@@ -44,7 +44,6 @@ MAX_CELLS = 30_000_000
 # Voxels of a level take 10 bytes each; a hilly ground has as many layers as it is high.
 MAX_VOXELS = 500_000_000
 
-
 Reader = Callable[[Path, RepairConfig, Callable[[str], None]], Scan]
 
 

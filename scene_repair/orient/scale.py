@@ -29,8 +29,6 @@ FEW_FACES = 5000
 # Doors: samples of walls in columns, in parts of the room's height.
 WALL_SAMPLES, COLUMN = 200_000, 1 / 40
 DOOR_SHARE, DOOR_COLUMNS = (0.5, 0.87), 6
-
-
 OPENINGS = "openings in walls"
 
 
