@@ -9,22 +9,17 @@ import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from tests.support.scenes import scans
+from tests.support.scenes.bodies import inside_boxes
 from tests.support.scenes.repairs import repaired
-from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
+from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.collide.boxes import MAY, MUST, NEVER, cover_with_boxes
 from vlnpe.scene_repair.collide.voxels import STEPS, Voxels, voxelise
 from vlnpe.wayfinding.distance import distance_field
 
 pytestmark = pytest.mark.chain
-
-
-def inside_boxes(obstacles: Obstacles, points: NDArray[np.float64], slack: float = 0.0):
-    gap = np.abs(points[:, None, :] - obstacles.center_m) - obstacles.half_m
-    return np.any(np.all(gap <= slack, axis=2), axis=1)
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from trimesh.transformations import rotation_matrix
 
 from tests.support.scenes import scans
-from tests.support.scenes.bodies import level_geoms, touched_on_the_way
+from tests.support.scenes.bodies import inside_boxes, level_geoms, touched_on_the_way
 from vlnpe.apartments import ApartmentConfig, build_scene
-from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, save_bundle
+from vlnpe.formats.scene.bundle import SceneBundle, save_bundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.collide.level_collision import LevelCollision, build_collision
 from vlnpe.scene_repair.config import RepairConfig
@@ -76,11 +76,6 @@ def at(move: NDArray[np.float64], *points: tuple[float, ...]) -> NDArray[np.floa
     return padded @ move[:3, :3].T + move[:3, 3]
 
 
-def held(obstacles: Obstacles, points: NDArray[np.float64], slack: float) -> NDArray[np.bool_]:
-    gap = np.abs(points[:, None, :] - obstacles.center_m) - obstacles.half_m
-    return np.any(np.all(gap <= slack, axis=2), axis=1)
-
-
 @settings(max_examples=12, deadline=None)
 @given(SHIFT, SHIFT, TURN)
 def test_door_of_75_cm_lets_a_body_of_50_cm_pass(dx: float, dy: float, degrees: float) -> None:
@@ -119,11 +114,11 @@ def test_thin_legs_are_never_lost(
     collision = collision_of(mesh, move, (2.5, 2.5))
     center = at(move, (1.0, 1.2))[0]
     axis: Any = np.column_stack([np.tile(center[:2], (60, 1)), np.linspace(0.05, 0.69, 60)])
-    assert held(collision.obstacles, axis, 0.013).all()
+    assert inside_boxes(collision.obstacles, axis, 0.013).all()
     assert not collision.freemap.traversable[tuple(collision.freemap.grid.cell_of(center[:2]))]
     # Nothing else grew: a body beside it passes.
     beside = axis + np.array([0.09, 0.0, 0.0])
-    assert not held(collision.obstacles, beside, 0.0).any()
+    assert not inside_boxes(collision.obstacles, beside, 0.0).any()
 
 
 @settings(max_examples=8, deadline=None)
@@ -171,7 +166,7 @@ def test_every_bar_of_a_chair_is_solid(dx: float, dy: float, degrees: float) -> 
         line = np.tile((low + high) / 2, (40, 1))
         line[:, axis] = (low + steps * (high - low))[:, axis]
         line = line[line[:, 2] > 0.05] @ move[:3, :3].T + move[:3, 3]
-        assert held(obstacles, line, 0.013).all()
+        assert inside_boxes(obstacles, line, 0.013).all()
 
 
 @pytest.mark.parametrize(("seed", "degrees"), [(2, 0.0), (5, 31.0)])

@@ -98,19 +98,17 @@ def test_pictures_outside_the_folder_are_left_out(where: str, tmp_path: Path) ->
     assert any("leads out of the scan's folder" in w for w in scan.warnings)
 
 
-def test_references_in_a_circle_are_refused(tmp_path: Path) -> None:
-    for one, other in (("scene", "b"), ("b", "scene")):
-        (tmp_path / f"{one}.usda").write_text(
-            f'#usda 1.0\n(defaultPrim = "R")\ndef Xform "R" (references = @./{other}.usda@) {{}}\n'
-        )
-    with pytest.raises(FileFormatError, match="circular") as caught:
-        read_here(tmp_path / "scene.usda")
-    assert "0x" not in str(caught.value)
-
-
-def test_sublayers_in_a_circle_are_refused(tmp_path: Path) -> None:
-    for one, other in (("scene", "b"), ("b", "scene")):
-        (tmp_path / f"{one}.usda").write_text(f"#usda 1.0\n(subLayers = [@./{other}.usda@])\n")
+@pytest.mark.parametrize(
+    "text",
+    [
+        '(defaultPrim = "R")\ndef Xform "R" (references = @./{}.usda@) {{}}\n',
+        "(subLayers = [@./{}.usda@])\n",
+    ],
+    ids=["references", "sublayers"],
+)
+def test_circles_are_refused(text: str, tmp_path: Path) -> None:
+    for name, target in (("scene", "b"), ("b", "scene")):
+        (tmp_path / f"{name}.usda").write_text("#usda 1.0\n" + text.format(target))
     with pytest.raises(FileFormatError, match="circular") as caught:
         read_here(tmp_path / "scene.usda")
     assert "0x" not in str(caught.value)

@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vlnpe.collectors.physics.level_model import build_level_model
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
 
 
 def level_geoms(bundle: SceneBundle, level: int = 0, robot: str = "h1") -> mujoco.MjSpec:
@@ -56,3 +56,11 @@ def touched_on_the_way(
             name = next(n for g in contact.geom if (n := model.geom(g).name))
             found.setdefault(name, data.qpos[:3].copy())
     return list(found.items())
+
+
+def inside_boxes(
+    obstacles: Obstacles, points: NDArray[np.float64], slack_m: float = 0.0
+) -> NDArray[np.bool_]:
+    """Return whether points (N, 3) lie in any box, or as near to one as the slack."""
+    gap = np.abs(points[:, None, :] - obstacles.center_m) - obstacles.half_m
+    return np.any(np.all(gap <= slack_m, axis=2), axis=1)
