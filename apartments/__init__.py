@@ -1,10 +1,10 @@
 """The built-in scenes: procedurally furnished buildings, virtually scanned."""
 
+from .building.build import build_scene
+from .building.true_scene import TrueScene
 from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
 from .exact import generate_exact
 from .generate import generate_scan
-from .home.building import build_scene
-from .home.true_scene import TrueScene
 
 __all__ = [
     "BUILDINGS",

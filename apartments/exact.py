@@ -6,11 +6,11 @@ import numpy as np
 
 from ..formats.core.frames import world_to_habitat_position
 from ..geometry.fusion.surface import ScanMesh
+from .building.build import build_scene
+from .building.true_scene import TrueScene
 from .config import ApartmentConfig
 from .generate import encode_page, scan_pose, write_labels
 from .glb import GlbNode, write_glb
-from .home.building import build_scene
-from .home.true_scene import TrueScene
 from .truth import write_truth
 
 

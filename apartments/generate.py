@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from ..formats.core.frames import world_to_habitat_position
 from ..formats.core.threads import beside
 from ..geometry.fusion.surface import ScanMesh, extract
+from .building.build import build_scene
+from .building.true_scene import TrueScene
 from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
-from .home.building import build_scene
-from .home.true_scene import TrueScene
 from .scanner.atlas import Charts, Packing, cut, pack
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
 from .scanner.fusion import fuse

@@ -13,9 +13,9 @@ from ..formats.core.frames import HABITAT_TO_WORLD, quat_to_matrix
 from ..formats.splats.ply import write_ply_splats
 from ..formats.splats.record import GaussianCloud
 from ..geometry.fusion.surface import ScanMesh
+from .building.build import build_scene
 from .config import ApartmentConfig
 from .generate import scan_pose, write_labels
-from .home.building import build_scene
 from .scanner.splat_faults import with_faults
 from .scanner.splats import place_splats
 from .scanner.tracing import Tracer

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..formats.scene.grid import GridSpec
 from ..geometry.fusion.surface import ScanMesh
-from .home.plan import FloorPlan
-from .home.shell import wall_frame
+from .building.plan import FloorPlan
+from .building.shell import wall_frame
 
 CELL_M = 0.02
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.kernel import kernel
-from ..home.true_scene import TrueScene
-from ..looks.palette import Material
+from ..building.true_scene import TrueScene
+from ..materials.palette import Material
 
 
 @dataclass(frozen=True)

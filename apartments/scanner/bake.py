@@ -10,8 +10,8 @@ from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import in_order
 from ...geometry.fusion.surface import ScanMesh
+from ..building.true_scene import TrueScene
 from ..config import ScanConfig
-from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .atlas import Charts, Packing
 from .light import Lighting, Lights

@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.threads import in_order
 from ...geometry.fusion.volume import DistanceVolume
+from ..building.true_scene import TrueScene
 from ..config import ScanConfig
-from ..home.true_scene import TrueScene
 from .depth import DepthCamera, measure, misplaced
 from .stations import View, views
 from .tracing import Tracer

@@ -10,7 +10,7 @@ from ...formats.core.kernel import kernel
 from ...formats.core.threads import beside
 from ...geometry.rays.library import call_occluded, lanes
 from ...geometry.rays.packets import FAR, VALID, fill_ray, packet
-from ..home.true_scene import TrueScene
+from ..building.true_scene import TrueScene
 from .appearance import Appearance
 from .tracing import Tracer
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.splats.record import GaussianCloud
-from ..home.true_scene import TrueScene
+from ..building.true_scene import TrueScene
 
 # Floaters for each square metre of floor, their sizes, lengths over widths, and opacities.
 FLOATERS_PER_M2 = 6.0

@@ -15,8 +15,8 @@ from ...formats.core.geometry import triangle_areas, triangle_normals
 from ...formats.core.kernel import kernel
 from ...formats.splats.harmonics import C0
 from ...formats.splats.record import GaussianCloud
+from ..building.true_scene import TrueScene
 from ..config import ScanConfig
-from ..home.true_scene import TrueScene
 from .appearance import Appearance
 from .light import Lighting, Lights
 from .stations import stations

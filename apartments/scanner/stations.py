@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..building.plan import FloorPlan
+from ..building.shell import wall_frame
+from ..building.stairs import eyes_on_stairs
 from ..config import ScanConfig
-from ..home.plan import FloorPlan
-from ..home.shell import wall_frame
-from ..home.stairs import eyes_on_stairs
 from .tracing import Tracer
 
 # Number of headings and pitch [deg] of each sweep.

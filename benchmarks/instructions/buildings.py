@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from vlnpe.apartments import building_config
-from vlnpe.apartments.home.building import build_scene
+from vlnpe.apartments.building.build import build_scene
 from vlnpe.apartments.truth import true_floor
 from vlnpe.formats.core.arrays import Mask
 from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle

@@ -16,9 +16,9 @@ from scipy import ndimage
 from skimage.measure import label
 
 from vlnpe.apartments import build_scene, building_config
+from vlnpe.apartments.building.shell import wall_frame
+from vlnpe.apartments.building.true_scene import TrueScene
 from vlnpe.apartments.generate_splats import generate_splats
-from vlnpe.apartments.home.shell import wall_frame
-from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.lookup import exact_surface
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.apartments.truth import covered_cells, true_floor

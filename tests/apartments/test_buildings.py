@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.scenes.homes import exact_freemap, faults, joined, unreachable
 from vlnpe.apartments import BUILDINGS, TrueScene, build_scene, building_config
-from vlnpe.apartments.home.planner import draw_storeys
+from vlnpe.apartments.building.planner import draw_storeys
 from vlnpe.collectors.robots import ROBOTS
 from vlnpe.formats.core.errors import UnknownNameError
 

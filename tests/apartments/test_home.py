@@ -8,7 +8,7 @@ from scipy.ndimage import label
 
 from tests.support.scenes.homes import exact_freemap, joined
 from vlnpe.apartments import ApartmentConfig, TrueScene, build_scene
-from vlnpe.apartments.home.planner import draw_plan
+from vlnpe.apartments.building.planner import draw_plan
 from vlnpe.wayfinding.distance import distance_field
 
 CONFIG = ApartmentConfig()

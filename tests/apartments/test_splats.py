@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from vlnpe.apartments import build_scene
+from vlnpe.apartments.building.true_scene import TrueScene
 from vlnpe.apartments.config import ApartmentConfig
 from vlnpe.apartments.generate_splats import generate_splats
-from vlnpe.apartments.home.true_scene import TrueScene
 from vlnpe.apartments.scanner.splat_faults import BACKGROUND, FLOATERS_PER_M2
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.formats.core.camera import CameraModel

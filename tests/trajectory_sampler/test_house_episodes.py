@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from tests.support.scenes.exact_scene import write_exact_scene
 from vlnpe.apartments import TrueScene, build_scene, building_config
-from vlnpe.apartments.home.stairs import eyes_on_stairs
+from vlnpe.apartments.building.stairs import eyes_on_stairs
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes

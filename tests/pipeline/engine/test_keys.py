@@ -78,7 +78,7 @@ for name, old, new in edits:
 # File, text in it, its replacement; the stages that must run again, and no others may.
 EDITS = {
     "a bookshelf": (
-        "apartments/home/furniture/storage.py",
+        "apartments/building/furniture/storage.py",
         "\nfrom .",
         "\nCOLOUR = 1\nfrom .",
         {"scan", "scan as splats"},

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import label
 
 from vlnpe.apartments import TrueScene
-from vlnpe.apartments.home.plan import FloorPlan
-from vlnpe.apartments.home.shell import wall_frame
-from vlnpe.apartments.home.true_scene import TrueObject
+from vlnpe.apartments.building.plan import FloorPlan
+from vlnpe.apartments.building.shell import wall_frame
+from vlnpe.apartments.building.true_scene import TrueObject
 from vlnpe.apartments.truth import covered_cells, true_floor
 from vlnpe.formats.scene.freemap import Freemap
 

@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..looks import pictures
-from ..looks.palette import Palette
-from ..looks.styles import RoomStyle
+from ..materials import pictures
+from ..materials.palette import Palette
+from ..materials.styles import RoomStyle
 from .furniture.piece import Piece
 from .plan import SIDES, Block, FloorPlan, Opening, Room
 from .shapes import Triangles, box, join, quad

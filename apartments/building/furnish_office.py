@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..looks.kit import Kit
+from ..materials.kit import Kit
 from .furniture import bath, decor, office, seating, storage
 from .furniture.piece import Arrangement, Piece, alone
 from .space import RoomSpace, overlaps, put_at_walls, try_middle

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...looks import pictures
-from ...looks.kit import Kit
+from ...materials import pictures
+from ...materials.kit import Kit
 from ..shapes import Triangles, box, cylinder, join, quad, turned
 from .piece import Arrangement, Piece
 from .tables import bowl
@@ -116,7 +116,7 @@ def _mirrored(shape: Triangles) -> Triangles:
 
 
 def _splash(kit: Kit, width: float) -> int:
-    from ...looks.floors import tiles
+    from ...materials.floors import tiles
 
     color = kit.cloth_color(1)
     pale = tuple(int(170 + 0.33 * c) for c in color)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..looks.kit import Kit
+from ..materials.kit import Kit
 from .furniture import decor
 from .furniture.piece import Arrangement, Piece
 from .plan import SIDES, Opening

@@ -4,9 +4,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ...looks import pictures
-from ...looks.fabrics import rug as rug_image
-from ...looks.kit import Kit
+from ...materials import pictures
+from ...materials.fabrics import rug as rug_image
+from ...materials.kit import Kit
 from ..shapes import box, cylinder, ellipsoid, join, quad, rod, turned
 from .piece import Piece
 

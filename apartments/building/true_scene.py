@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..looks.palette import Material, Palette
+from ..materials.palette import Material, Palette
 from .furniture.piece import Piece
 from .plan import FloorPlan
 from .shapes import Triangles, join

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from ..looks.kit import Kit
+from ..materials.kit import Kit
 from . import furnish_office
 from .furniture import bath, beds, decor, kitchen, seating, storage, tables
 from .furniture.piece import Arrangement, Piece, alone

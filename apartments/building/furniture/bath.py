@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...looks import pictures
-from ...looks.kit import Kit
+from ...materials import pictures
+from ...materials.kit import Kit
 from ..shapes import box, cylinder, ellipsoid, join, quad, rod, soft_box, turned
 from .piece import Piece
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...looks.kit import Kit
+from ...materials.kit import Kit
 from ..shapes import Triangles, box, cylinder, join, rod, soft_box
 from .piece import Piece
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...looks.kit import Kit
+from ...materials.kit import Kit
 from ..shapes import box, join, soft_box
 from .piece import Arrangement, Piece
 from .storage import nightstand

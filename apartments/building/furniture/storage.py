@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...looks import pictures
-from ...looks.kit import Kit
+from ...materials import pictures
+from ...materials.kit import Kit
 from ..shapes import Triangles, box, cylinder, join, quad, turned
 from .piece import Piece
 from .tables import books, vase

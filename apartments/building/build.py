@@ -3,9 +3,9 @@
 import numpy as np
 
 from ..config import ApartmentConfig
-from ..looks.kit import Kit
-from ..looks.palette import Palette
-from ..looks.styles import ACCENTS, RoomStyle, Stylist
+from ..materials.kit import Kit
+from ..materials.palette import Palette
+from ..materials.styles import ACCENTS, RoomStyle, Stylist
 from . import shell
 from .decorate import ceiling_lamps, wall_hangings, windows
 from .furnish import furnisher

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ...looks import pictures
-from ...looks.kit import Kit
+from ...materials import pictures
+from ...materials.kit import Kit
 from ..shapes import Triangles, box, cylinder, ellipsoid, join, quad, turned
 from .piece import Arrangement, Piece
 from .seating import chair, office_chair

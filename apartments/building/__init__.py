@@ -1,0 +1,1 @@
+"""Plan, walls and furniture of a building, as exact triangles."""

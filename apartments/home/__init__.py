@@ -1,1 +1,0 @@
-"""The exact apartment: plan, walls, furniture."""

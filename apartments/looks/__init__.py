@@ -1,1 +1,0 @@
-"""Procedural textures and the choice of materials."""

@@ -1,0 +1,1 @@
+"""Textures painted by code, and the choice of materials."""
