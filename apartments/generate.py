@@ -8,8 +8,8 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formats.core.arrays import I32, U8, Array
 from ..formats.core.frames import world_to_habitat_position
 from ..formats.core.threads import beside
 from ..geometry.fusion.surface import ScanMesh, extract
@@ -85,7 +85,7 @@ def generate_scan(
     return out_dir / "scan.glb"
 
 
-def scan_pose(config: ApartmentConfig) -> NDArray[np.float64]:
+def scan_pose(config: ApartmentConfig) -> Array:
     """Return (4, 4) from world to the scanner's (z up) frame; identity by default."""
     c, s = np.cos(np.deg2rad(config.scan_tilt_deg)), np.sin(np.deg2rad(config.scan_tilt_deg))
     pose = np.eye(4)
@@ -94,7 +94,7 @@ def scan_pose(config: ApartmentConfig) -> NDArray[np.float64]:
     return pose
 
 
-def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> NDArray[np.float64]:
+def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> Array:
     fine = {"floor", "rug"}
     return np.array(
         [
@@ -104,7 +104,7 @@ def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> NDArray[np.float6
     )
 
 
-def encode_page(image: NDArray[np.uint8], quality: int) -> bytes:
+def encode_page(image: U8, quality: int) -> bytes:
     """Return an RGB image (rows, columns, 3) as JPEG of the given quality (0–100)."""
     done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
     if not done:
@@ -115,11 +115,11 @@ def encode_page(image: NDArray[np.uint8], quality: int) -> bytes:
 def _nodes(
     scene: TrueScene,
     mesh: ScanMesh,
-    label: NDArray[np.int32],
+    label: I32,
     charts: Charts,
     packing: Packing,
     split: ChartVertices,
-    pose: NDArray[np.float64],
+    pose: Array,
 ) -> list[GlbNode]:
     corner = page_corners(charts, packing)
     uv = np.zeros((len(split.vertex), 2))
@@ -148,7 +148,7 @@ def _nodes(
     return nodes
 
 
-def write_labels(path: Path, scene: TrueScene, pose: NDArray[np.float64]) -> None:
+def write_labels(path: Path, scene: TrueScene, pose: Array) -> None:
     """Write the bounds of every object and room, in the coordinates of the scan.
 
     Args:
@@ -158,7 +158,7 @@ def write_labels(path: Path, scene: TrueScene, pose: NDArray[np.float64]) -> Non
     path.write_text(json.dumps(content, indent=1) + "\n")
 
 
-def _labels(scene: TrueScene, pose: NDArray[np.float64]) -> list[dict]:
+def _labels(scene: TrueScene, pose: Array) -> list[dict]:
     things = [(o.name, o.category, o.lower_m, o.upper_m) for o in scene.objects]
     counts: dict[str, int] = {}
     rooms = [(plan, room) for plan in scene.storeys for room in plan.rooms]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..formats.core.arrays import F32
 from ..formats.untrusted.glb import glb_bytes
 
 _FLOAT, _UINT = 5126, 5125
@@ -29,8 +30,8 @@ class GlbNode:
     """
 
     name: str
-    vertices: NDArray[np.float32]
-    uv: NDArray[np.float32]
+    vertices: F32
+    uv: F32
     faces: NDArray[np.uint32]
     page: int
 

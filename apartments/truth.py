@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formats.core.arrays import Array, Mask
 from ..formats.scene.grid import GridSpec
 from ..geometry.fusion.surface import ScanMesh
 from .building.plan import FloorPlan
@@ -15,7 +15,7 @@ from .building.shell import wall_frame
 CELL_M = 0.02
 
 
-def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArray[np.bool_]]:
+def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, Mask]:
     """Return a grid and the mask (rows, columns) of all floor, also under furniture, not walls."""
     lower, upper = plan.bounds()
     grid = GridSpec.covering(lower - 0.5, upper + 0.5, cell_m)
@@ -33,7 +33,7 @@ def true_floor(plan: FloorPlan, cell_m: float = CELL_M) -> tuple[GridSpec, NDArr
     return grid, mask
 
 
-def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+def covered_cells(grid: GridSpec, triangles_m: Array) -> Mask:
     """Return (rows, columns) that triangles (F, 3, 2 or 3) cover as seen from above."""
     covered = np.zeros(grid.shape, dtype=bool)
     flat = triangles_m[..., :2]
@@ -53,7 +53,7 @@ def covered_cells(grid: GridSpec, triangles_m: NDArray[np.float64]) -> NDArray[n
     return covered
 
 
-def seen_floor(grid: GridSpec, mesh: ScanMesh, floor_z_m: float = 0.0) -> NDArray[np.bool_]:
+def seen_floor(grid: GridSpec, mesh: ScanMesh, floor_z_m: float = 0.0) -> Mask:
     """Return (rows, columns) where the scan has upward triangles within 8 cm of the floor."""
     normals, _ = mesh.normals()
     points = mesh.vertices[mesh.faces]
@@ -62,7 +62,7 @@ def seen_floor(grid: GridSpec, mesh: ScanMesh, floor_z_m: float = 0.0) -> NDArra
 
 
 def write_truth(
-    path: Path, storeys: Sequence[FloorPlan], mesh: ScanMesh, world_to_scan: NDArray[np.float64]
+    path: Path, storeys: Sequence[FloorPlan], mesh: ScanMesh, world_to_scan: Array
 ) -> None:
     """Write `truth.npz`.
 

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..formats.core.arrays import I32, I64, Array
 from ..formats.core.geometry import arc_length, point_along
 from .regions import RegionMap
 
@@ -29,7 +30,7 @@ class Crossing:
     """
 
     along_m: float
-    position_xy_m: NDArray[np.float64]
+    position_xy_m: Array
     from_region: int
     to_region: int
     width_m: float
@@ -69,13 +70,7 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
     return result
 
 
-def _settled(
-    run: NDArray[np.int64],
-    rooms: NDArray[np.int32],
-    along: NDArray[np.float64],
-    widths: NDArray[np.float64],
-    settle_m: float,
-) -> bool:
+def _settled(run: I64, rooms: I32, along: Array, widths: Array, settle_m: float) -> bool:
     """Return whether the samples `run` of a path are a visit to their room."""
     if rooms[run[0]] < 0:
         return False

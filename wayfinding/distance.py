@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import distance_transform_edt
 
+from ..formats.core.arrays import I64, Array, Mask
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
 from .geodesic import taut_distances
@@ -39,11 +40,11 @@ class DistanceField:
     """
 
     grid: GridSpec
-    distance_m: NDArray[np.float64]
-    goal_xy_m: NDArray[np.float64]
+    distance_m: Array
+    goal_xy_m: Array
 
     @staticmethod
-    def build(freemap: Freemap, goal_xy_m: NDArray[np.float64], radius_m: float) -> "DistanceField":
+    def build(freemap: Freemap, goal_xy_m: Array, radius_m: float) -> "DistanceField":
         """Compute distances from the goal over the cells free for `radius_m`.
 
         A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a
@@ -64,13 +65,13 @@ class DistanceField:
         return DistanceField(grid, distance, goal)
 
     @cached_property
-    def _nearest_reachable(self) -> NDArray[np.int64]:
+    def _nearest_reachable(self) -> I64:
         """Return the reachable cell (rows, columns, 2) nearest to each cell."""
         blocked = ~np.isfinite(self.distance_m)
         index = distance_transform_edt(blocked, return_distances=False, return_indices=True)
         return np.moveaxis(np.asarray(index, dtype=np.int64), 0, -1)
 
-    def at(self, xy_m: ArrayLike, within_m: float = SNAP_M) -> NDArray[np.float64]:
+    def at(self, xy_m: ArrayLike, within_m: float = SNAP_M) -> Array:
         """Return distances (...) [m] from points (..., 2) [m]; inf where unreachable.
 
         A point's value is the least over the 3 × 3 cells about the reachable cell nearest to it
@@ -102,7 +103,7 @@ class DistanceField:
 
 
 def nearest_cell(
-    grid: GridSpec, mask: NDArray[np.bool_], xy_m: ArrayLike, within_m: float
+    grid: GridSpec, mask: Mask, xy_m: ArrayLike, within_m: float
 ) -> tuple[int, int] | None:
     """Return the cell of `mask` (rows, columns) nearest to a point (2,) [m], None if too far.
 

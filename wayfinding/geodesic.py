@@ -9,15 +9,13 @@ which would bias SPL by as much.
 import heapq
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..formats.core.arrays import Array, Mask
 from ..formats.core.kernel import kernel
 
 
 @kernel()
-def line_is_free(
-    free: NDArray[np.bool_], row: int, column: int, to_row: int, to_column: int
-) -> bool:
+def line_is_free(free: Mask, row: int, column: int, to_row: int, to_column: int) -> bool:
     """Return whether every cell that the segment between two cell centres touches is free.
 
     Walks the supercover of the segment in integer arithmetic: at an exact corner crossing both
@@ -49,8 +47,8 @@ def line_is_free(
 
 @kernel()
 def taut_distances(
-    free: NDArray[np.bool_], row: int, column: int, offset_row: float, offset_column: float
-) -> NDArray[np.float64]:
+    free: Mask, row: int, column: int, offset_row: float, offset_column: float
+) -> Array:
     """Return distances [cells] from one point to all cells' centres; inf = unreachable.
 
     Args:

@@ -6,17 +6,15 @@ The sampler plans episodes with it, and the collectors re-plan.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
+from ..formats.core.arrays import I64, Array, Mask
 from ..formats.core.geometry import arc_length, resample
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
 from .distance import SNAP_M, nearest_cell
-
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 # The search for shortcuts: spacing of its points, how many points back a shortcut may reach, and
 # what one more corner costs in metres of detour.
@@ -142,7 +140,7 @@ def _fractional(grid: GridSpec, xy_m: Array) -> Array:
     return ((xy_m - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[:, ::-1]
 
 
-def _samples(starts: Array, ends: Array, grid: GridSpec) -> NDArray[np.int64]:
+def _samples(starts: Array, ends: Array, grid: GridSpec) -> I64:
     """Return cells (N, S, 2) along N segments (N, 2) → (N, 2), at most half a cell apart."""
     longest = float(np.linalg.norm(ends - starts, axis=1).max(initial=0.0))
     count = int(np.ceil(longest / (0.5 * grid.cell_m))) + 1
@@ -185,7 +183,7 @@ def _pull_taut(path: Array, grid: GridSpec, free: Mask, cost: Array) -> Array:
     return points[chain[::-1]]
 
 
-def _thinned(path: Array, grid: GridSpec, free: Mask) -> NDArray[np.int64]:
+def _thinned(path: Array, grid: GridSpec, free: Mask) -> I64:
     """Return indices of every few points of a path; of every point where that cuts a corner."""
     stride = max(1, round(_STRIDE_M / grid.cell_m))
     keep = np.unique(np.append(np.arange(0, len(path), stride), len(path) - 1))

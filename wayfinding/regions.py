@@ -13,6 +13,7 @@ from skimage.measure import label
 from skimage.morphology import local_maxima, reconstruction, remove_small_holes
 from skimage.segmentation import watershed
 
+from ..formats.core.arrays import I32, Array, Mask
 from ..formats.scene.bundle import LabeledObject, SceneBundle
 from ..formats.scene.grid import GridSpec
 
@@ -69,11 +70,11 @@ class RegionMap:
     """
 
     grid: GridSpec
-    region: NDArray[np.int32]
+    region: I32
     names: tuple[str, ...]
-    width_m: NDArray[np.float64]
+    width_m: Array
 
-    def at(self, xy_m: ArrayLike) -> NDArray[np.int32]:
+    def at(self, xy_m: ArrayLike) -> I32:
         """Return room indices (...) at points (..., 2) [m]; −1 outside."""
         cells = self.grid.cell_of(xy_m)
         inside = self.grid.inside(cells)
@@ -103,9 +104,7 @@ def region_map(bundle: SceneBundle, level: int) -> RegionMap:
     return split_rooms(open_floor, here, grid)
 
 
-def split_rooms(
-    open_floor: NDArray[np.bool_], objects: Sequence[LabeledObject], grid: GridSpec
-) -> RegionMap:
+def split_rooms(open_floor: Mask, objects: Sequence[LabeledObject], grid: GridSpec) -> RegionMap:
     """Split the floor between walls, (rows, columns), into rooms; see `region_map`."""
     width = 2.0 * np.asarray(distance_transform_edt(np.pad(open_floor, 1)))[1:-1, 1:-1]
     width = np.maximum(width - 1.0, 0.0) * grid.cell_m
@@ -117,7 +116,7 @@ def split_rooms(
     return RegionMap(grid, _extend(region, open_floor, grid.cell_m), names, width)
 
 
-def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> NDArray[np.bool_]:
+def _walls(bundle: SceneBundle, level: int, grid: GridSpec) -> Mask:
     """Return cells (rows, columns) of walls, doors and tall cupboards; see `_SLICES_M`."""
     boxes = bundle.obstacles(level)
     z = bundle.level_floor_z_m[level]
@@ -146,13 +145,13 @@ def _box(array: NDArray, grid: GridSpec, low: ArrayLike, high: ArrayLike) -> NDA
     return array[first[0] : max(stop[0], first[0]), first[1] : max(stop[1], first[1])]
 
 
-def _index(grid: GridSpec, xy_m: ArrayLike) -> NDArray[np.float64]:
+def _index(grid: GridSpec, xy_m: ArrayLike) -> Array:
     """Return the fractional (row, column) of a point; cell centres at integers."""
     xy = np.asarray(xy_m, dtype=np.float64)[:2]
     return ((xy - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[::-1]
 
 
-def _labelled(rooms: Sequence[LabeledObject], grid: GridSpec) -> NDArray[np.int32]:
+def _labelled(rooms: Sequence[LabeledObject], grid: GridSpec) -> I32:
     region = np.full(grid.shape, -1, dtype=np.int32)
     area = [np.prod(np.subtract(o.upper_m, o.lower_m)[:2]) for o in rooms]
     for k in np.argsort(area)[::-1]:
@@ -160,9 +159,7 @@ def _labelled(rooms: Sequence[LabeledObject], grid: GridSpec) -> NDArray[np.int3
     return region
 
 
-def _necks(
-    width: NDArray[np.float64], open_floor: NDArray[np.bool_], cell_m: float
-) -> NDArray[np.int32]:
+def _necks(width: Array, open_floor: Mask, cell_m: float) -> I32:
     """Split the free floor at bottlenecks: watershed of the width from its significant maxima.
 
     A maximum is significant when every way to a higher one narrows below `_NECK_RATIO` of it
@@ -182,11 +179,8 @@ def _necks(
 
 
 def _furnished(
-    region: NDArray[np.int32],
-    width: NDArray[np.float64],
-    objects: Sequence[LabeledObject],
-    grid: GridSpec,
-) -> tuple[NDArray[np.int32], tuple[str, ...]]:
+    region: I32, width: Array, objects: Sequence[LabeledObject], grid: GridSpec
+) -> tuple[I32, tuple[str, ...]]:
     """Name regions by their furniture; split those with the furniture of several rooms."""
     result = np.full_like(region, -1)
     names: list[str] = []
@@ -217,9 +211,7 @@ def _furnished(
     return result, tuple(names)
 
 
-def _extend(
-    region: NDArray[np.int32], open_floor: NDArray[np.bool_], cell_m: float
-) -> NDArray[np.int32]:
+def _extend(region: I32, open_floor: Mask, cell_m: float) -> I32:
     """Assign unclaimed floor (a doorway's depth) to the nearest room within reach."""
     index = distance_transform_edt(region < 0, return_distances=False, return_indices=True)
     nearest = region[tuple(np.asarray(index))]

@@ -11,11 +11,7 @@ from .plan import SIDES, Block, Opening, Room
 _DOOR_MARGIN_M = 0.22
 # A passage leaves this much wall at its ends and over its top, and is at most so wide.
 _PASSAGE_MARGIN_M, _LINTEL_M, _WIDEST_PASSAGE_M = 0.1, 0.2, 3.0
-_PASSAGES = (
-    {"hallway"},
-    {"hallway", "stairwell"},
-    {"hallway", "office"},
-)
+_PASSAGES = ({"hallway"}, {"hallway", "stairwell"}, {"hallway", "office"})
 _PUBLIC = {"hallway": 0, "living room": 1, "office": 1, "kitchen": 2, "dining room": 3}
 _PRIVATE = {
     "bathroom",

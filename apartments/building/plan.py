@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ...formats.core.arrays import Array
 
 # The four sides of a room: (axis the wall is perpendicular to, sign of its outward normal).
 SIDES = ((0, -1), (0, 1), (1, -1), (1, 1))
@@ -23,7 +24,7 @@ class Room:
     upper_m: tuple[float, float]
 
     @property
-    def size_m(self) -> NDArray[np.float64]:
+    def size_m(self) -> Array:
         """(2,) extent along x and y."""
         return np.asarray(self.upper_m) - np.asarray(self.lower_m)
 
@@ -84,7 +85,7 @@ class Block:
     top_m: float
     front: tuple[int, int] = (0, 1)
 
-    def rect(self) -> NDArray[np.float64]:
+    def rect(self) -> Array:
         """Return (2, 2) lower and upper corner [m]."""
         return np.array([self.lower_m, self.upper_m])
 
@@ -127,7 +128,7 @@ class FloorPlan:
         """Sum of the rooms' floors."""
         return sum(room.area_m2 for room in self.rooms)
 
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Array:
         """Return (2, 2) lower and upper corner of all rooms [m]."""
         return np.array(
             [

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ...formats.core.arrays import I32, I64, Array
 from ...formats.core.geometry import arc_length
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -26,7 +25,7 @@ class Triangles:
 
     corners: Array
     uv: Array
-    material: NDArray[np.int32]
+    material: I32
 
     def moved(self, yaw_rad: float = 0.0, offset_m: ArrayLike = (0.0, 0.0, 0.0)) -> "Triangles":
         """Return this turned about z, then shifted."""
@@ -60,7 +59,7 @@ def join(shapes: Sequence[Triangles]) -> Triangles:
     )
 
 
-def _soup(vertices: Array, faces: NDArray[np.int64], uv: Array, material: int) -> Triangles:
+def _soup(vertices: Array, faces: I64, uv: Array, material: int) -> Triangles:
     return Triangles(vertices[faces], uv[faces], np.full(len(faces), material, dtype=np.int32))
 
 
@@ -143,12 +142,7 @@ def soft_box(
     return join(parts)
 
 
-def turned(
-    profile: ArrayLike,
-    center_xy: ArrayLike,
-    material: int,
-    sides: int = 18,
-) -> Triangles:
+def turned(profile: ArrayLike, center_xy: ArrayLike, material: int, sides: int = 18) -> Triangles:
     """Return a surface of revolution about the vertical through `center_xy`.
 
     Args:

@@ -1,14 +1,14 @@
 """Placement of furniture in a room, so that doors stay clear and robots can pass."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 
+from ...formats.core.arrays import Array, Mask
 from .furniture.piece import Arrangement, Piece
 from .plan import SIDES, FloorPlan, Opening
 from .stairs import taken_floor
 
-Rect = NDArray[np.float64]
+Rect = Array
 
 _CELL_M = 0.05
 _DOOR_DEPTH_M, _DOOR_SIDE_M = 0.9, 0.12
@@ -34,7 +34,7 @@ class RoomSpace:
         self.bounds = np.array([self.room.lower_m, self.room.upper_m])
         self.solids: list[Rect] = []
         self.kept: list[Rect] = []
-        self.entrances: list[NDArray[np.float64]] = []
+        self.entrances: list[Array] = []
         self.tops: list[tuple[Rect, float]] = []
         self.blocks = [taken_floor(block) for block in plan.blocks_of(index)]
         for rect, block in zip(self.blocks, plan.blocks_of(index), strict=True):
@@ -98,7 +98,7 @@ class RoomSpace:
         """Keep a (2, 2) zone free from now on."""
         self.kept.append(zone)
 
-    def free_cells(self, more: list[Rect]) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    def free_cells(self, more: list[Rect]) -> tuple[Mask, Array]:
         """Return the cells a robot's centre may take with `more` furniture.
 
         And the (2,) grid origin.

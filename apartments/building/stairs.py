@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from .furniture.piece import Piece
 from .plan import SIDES, Block, Room
 from .shapes import Triangles, box, join, quad, rod
@@ -56,7 +56,7 @@ class _Frame:
         u_sign: direction of u along its axis.
     """
 
-    rect: NDArray[np.float64]
+    rect: Array
     axis: int
     u_sign: int
 
@@ -70,7 +70,7 @@ class _Frame:
         """Extent along u."""
         return float(self.rect[1, self.axis] - self.rect[0, self.axis])
 
-    def point(self, u: float, v: float) -> NDArray[np.float64]:
+    def point(self, u: float, v: float) -> Array:
         """Return (2,) world position."""
         xy = np.empty(2)
         # The wall is on the lower side, see `stairs_block`.
@@ -154,10 +154,7 @@ def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
     banister.append(
         frame.box((run, frame.length_m), (0.02, 0.06), (risers * rise, risers * rise + 0.8), wall)
     )
-    return [
-        Piece("Stairs", "stairs", join(parts)),
-        Piece("Banister", "banister", join(banister)),
-    ]
+    return [Piece("Stairs", "stairs", join(parts)), Piece("Banister", "banister", join(banister))]
 
 
 def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[Piece]:
@@ -186,13 +183,10 @@ def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[P
     for u in np.linspace(0.0, length - 0.06, max(round(length / 0.9), 2) + 1):
         parts.append(frame.box((u - d, u), (-d, 0.0), (0.0, _RAIL_M), rail))
     parts.append(frame.box((-d, 0.0), (flight - d, flight), (0.0, _RAIL_M), rail))
-    return [
-        Piece("Wall", "wall", join(sides)),
-        Piece("Railing", "railing", join(parts)),
-    ]
+    return [Piece("Wall", "wall", join(sides)), Piece("Railing", "railing", join(parts))]
 
 
-def taken_floor(block: Block) -> NDArray[np.float64]:
+def taken_floor(block: Block) -> Array:
     """Return (2, 2) floor that a column, the stairs, or the void with its railing take."""
     if block.kind == "column":
         return block.rect()

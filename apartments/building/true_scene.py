@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import I32, Array
 from ..materials.palette import Material, Palette
 from .furniture.piece import Piece
 from .plan import FloorPlan
@@ -42,17 +42,17 @@ class TrueScene:
 
     storeys: tuple[FloorPlan, ...]
     shape: Triangles
-    face_object: NDArray[np.int32]
+    face_object: I32
     objects: tuple[TrueObject, ...]
     materials: tuple[Material, ...]
-    lamps_m: NDArray[np.float64]
+    lamps_m: Array
 
     @property
     def plan(self) -> FloorPlan:
         """The lowest storey."""
         return self.storeys[0]
 
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Array:
         """Return (2, 3) lower and upper corner of all rooms [m]."""
         ends = [storey.bounds() for storey in self.storeys]
         low, high = np.min([e[0] for e in ends], axis=0), np.max([e[1] for e in ends], axis=0)

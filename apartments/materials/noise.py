@@ -2,10 +2,12 @@
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Field = NDArray[np.floating]
-Image = NDArray[np.uint8]
+from ...formats.core.arrays import U8, Floats
+
+Field = Floats
+Image = U8
 
 
 def noise(rng: np.random.Generator, shape: tuple[int, int], cells: tuple[int, int]) -> Field:
@@ -45,24 +47,22 @@ def grain(rng: np.random.Generator, shape: tuple[int, int], sharpness: float = 1
     return rng.standard_normal(shape, dtype=np.float32) * np.float32(sharpness)
 
 
-def colored(base: ArrayLike, factor: Field) -> NDArray[np.floating]:
+def colored(base: ArrayLike, factor: Field) -> Floats:
     """Return (rows, columns, 3) float image of colour `base` (0–255) times `factor`."""
     return np.asarray(base, dtype=np.float32) * factor[..., None]
 
 
-def blend(
-    a: NDArray[np.floating] | ArrayLike, b: NDArray[np.floating] | ArrayLike, weight: Field
-) -> NDArray[np.floating]:
+def blend(a: Floats | ArrayLike, b: Floats | ArrayLike, weight: Field) -> Floats:
     """Return `a` where `weight` is 0, `b` where it is 1."""
     w = weight[..., None]
     return np.asarray(a, dtype=np.float32) * (1 - w) + np.asarray(b, dtype=np.float32) * w
 
 
-def to_image(color: NDArray[np.floating]) -> Image:
+def to_image(color: Floats) -> Image:
     """Clip to 8 bits."""
     return np.clip(color, 0, 255).astype(np.uint8)
 
 
-def canvas(shape: tuple[int, int], color: ArrayLike) -> NDArray[np.floating]:
+def canvas(shape: tuple[int, int], color: ArrayLike) -> Floats:
     """Return a float image of one colour."""
     return np.broadcast_to(np.asarray(color, dtype=np.float32), (*shape, 3)).copy()

@@ -99,10 +99,7 @@ class Stylist:
         return RoomStyle(
             self._floor(kind),
             self.palette.get(
-                "ceiling",
-                lambda r, s: walls.plaster(r, s, (236, 235, 231), 0.0),
-                (2.5, 2.5),
-                200.0,
+                "ceiling", lambda r, s: walls.plaster(r, s, (236, 235, 231), 0.0), (2.5, 2.5), 200.0
             ),
             self.palette.get(
                 "trim", lambda r, s: walls.paint(s, r, self.trim_color), (1.0, 1.0), 120.0

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, I64, U8, Mask
 from ...formats.core.kernel import kernel
 from ..building.true_scene import TrueScene
 from ..materials.palette import Material
@@ -25,13 +25,13 @@ class Appearance:
         material: (F,) int32.
     """
 
-    pixels: NDArray[np.uint8]
-    layout: NDArray[np.int64]
-    size_m: NDArray[np.float32]
-    emissive: NDArray[np.bool_]
-    mean: NDArray[np.float32]
-    uv: NDArray[np.float32]
-    material: NDArray[np.int32]
+    pixels: U8
+    layout: I64
+    size_m: F32
+    emissive: Mask
+    mean: F32
+    uv: F32
+    material: I32
 
     @staticmethod
     def of(scene: TrueScene) -> "Appearance":
@@ -49,7 +49,7 @@ class Appearance:
             scene.shape.material.astype(np.int32),
         )
 
-    def color(self, face: NDArray[np.int32], bary: NDArray[np.float32]) -> NDArray[np.uint8]:
+    def color(self, face: I32, bary: F32) -> U8:
         """Return colours (N, 3) uint8 at `bary` (N, 2) of triangles `face` (N,); black where −1."""
         return _sample(face, bary, self.uv, self.material, self.pixels, self.layout, self.size_m)
 

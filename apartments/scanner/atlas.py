@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, I64, Array
 from ...geometry.fusion.surface import ScanMesh, neighbours, pieces, smooth_normals
 
 # A triangle leaning more than 60° against its chart would be stretched to twice its texels.
@@ -27,14 +27,14 @@ class Charts:
         normal: (F, 3) float32 smoothed unit normals.
     """
 
-    chart: NDArray[np.int32]
-    object: NDArray[np.int32]
-    corner: NDArray[np.float64]
-    size: NDArray[np.int64]
-    normal: NDArray[np.float32]
+    chart: I32
+    object: I32
+    corner: Array
+    size: I64
+    normal: F32
 
 
-def cut(mesh: ScanMesh, label: NDArray[np.int32], texel_m: NDArray[np.float64]) -> Charts:
+def cut(mesh: ScanMesh, label: I32, texel_m: Array) -> Charts:
     """Cut `mesh` into charts.
 
     Args:
@@ -62,20 +62,12 @@ def cut(mesh: ScanMesh, label: NDArray[np.int32], texel_m: NDArray[np.float64]) 
     )
 
 
-def _grouped(
-    count: int, pairs: NDArray[np.int64], label: NDArray[np.int32], direction: NDArray[np.int64]
-) -> NDArray[np.int32]:
+def _grouped(count: int, pairs: I64, label: I32, direction: I64) -> I32:
     a, b = pairs.T
     return pieces(count, pairs[(label[a] == label[b]) & (direction[a] == direction[b])])
 
 
-def _absorb_small(
-    chart: NDArray[np.int32],
-    direction: NDArray[np.int64],
-    label: NDArray[np.int32],
-    pairs: NDArray[np.int64],
-    normals: NDArray[np.float64],
-) -> NDArray[np.int64]:
+def _absorb_small(chart: I32, direction: I64, label: I32, pairs: I64, normals: Array) -> I64:
     """Assign triangles of small charts the direction of the largest neighbouring chart."""
     size = np.bincount(chart)
     a, b = np.concatenate([pairs, pairs[:, ::-1]]).T
@@ -91,22 +83,20 @@ def _absorb_small(
     return result
 
 
-def _mean_normals(
-    chart: NDArray[np.int32], normals: NDArray[np.float64], area: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _mean_normals(chart: I32, normals: Array, area: Array) -> Array:
     mean = np.stack([np.bincount(chart, normals[:, k] * area) for k in range(3)], axis=1)
     return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
 
 
 def _flatten(
     mesh: ScanMesh,
-    chart: NDArray[np.int32],
-    label: NDArray[np.int32],
+    chart: I32,
+    label: I32,
     *,
-    axes: NDArray[np.float64],
-    true_normals: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    texel_m: NDArray[np.float64],
+    axes: Array,
+    true_normals: Array,
+    normals: Array,
+    texel_m: Array,
 ) -> Charts:
     count = len(axes)
     owner = np.zeros(count, dtype=np.int32)
@@ -149,8 +139,8 @@ class Packing:
         page_size: width and height of every page [texels].
     """
 
-    page: NDArray[np.int64]
-    origin: NDArray[np.int64]
+    page: I64
+    origin: I64
     page_size: tuple[tuple[int, int], ...]
 
 
@@ -188,7 +178,7 @@ def pack(charts: Charts, page_px: int) -> Packing:
     return Packing(page, origin, tuple(sizes))
 
 
-def _shelves(boxes: NDArray[np.int64], width: int) -> tuple[NDArray[np.int64], int]:
+def _shelves(boxes: I64, width: int) -> tuple[I64, int]:
     """Return places (N, 2) of boxes (N, 2) in shelves of falling height, and the total height."""
     order = np.lexsort((boxes[:, 0], -boxes[:, 1]))
     places = np.zeros_like(boxes)

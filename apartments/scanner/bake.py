@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, I64, U8, Array
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import in_order
@@ -32,9 +32,9 @@ class ChartVertices:
         normal: (N, 3) float32 unit normals within the chart.
     """
 
-    vertex: NDArray[np.int64]
-    face: NDArray[np.int32]
-    normal: NDArray[np.float32]
+    vertex: I64
+    face: I32
+    normal: F32
 
 
 def chart_vertices(mesh: ScanMesh, charts: Charts) -> ChartVertices:
@@ -67,7 +67,7 @@ class Baker:
         self._light = Lighting(tracer, open_tracer, self._looks, lights)
         self._rng = rng
 
-    def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> NDArray[np.float32]:
+    def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> F32:
         """Return soft light (N, 3) at chart vertices, smoothed along the mesh."""
         points = mesh.vertices[split.vertex].astype(np.float32)
         soft = self._light.soft(self._rng, points, split.normal, self._rays)
@@ -91,10 +91,10 @@ class Baker:
         mesh: ScanMesh,
         charts: Charts,
         split: ChartVertices,
-        light: NDArray[np.float32],
+        light: F32,
         packing: Packing,
         page: int,
-    ) -> NDArray[np.uint8]:
+    ) -> U8:
         """Bake the image (height, width, 3) of one page."""
         selected = np.flatnonzero(packing.page[charts.chart] == page)
         corner = page_corners(charts, packing)[selected]
@@ -123,12 +123,7 @@ class Baker:
         np.copyto(image, mean, where=~painted[..., None])
         return image
 
-    def _texels(
-        self,
-        position: NDArray[np.float32],
-        normal: NDArray[np.float32],
-        shade: NDArray[np.float32],
-    ) -> NDArray[np.uint8]:
+    def _texels(self, position: F32, normal: F32, shade: F32) -> U8:
         hits = exact_surface(self._tracer, position, normal)
         color = self._looks.color(hits.face, hits.bary).astype(np.float32)
         exact = self._normals.take(hits.face, axis=0)
@@ -140,7 +135,7 @@ class Baker:
         return np.clip(color * factor, 0, 255).astype(np.uint8)
 
 
-def page_corners(charts: Charts, packing: Packing) -> NDArray[np.float64]:
+def page_corners(charts: Charts, packing: Packing) -> Array:
     """Return corners (F, 3, 2) on their pages [texels, y down]."""
     return charts.corner + packing.origin[charts.chart][:, None]
 

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32
 from ...geometry.rays.library import lanes
 from ...geometry.rays.packets import TILES, tile_order
 from ..config import ScanConfig
@@ -31,9 +32,9 @@ class DepthCamera:
     width_px: int
     height_px: int
     focal_px: float
-    directions: NDArray[np.float32]
-    cosine: NDArray[np.float32]
-    traced: NDArray[np.int32]
+    directions: F32
+    cosine: F32
+    traced: I32
     back: NDArray[np.intp]
 
     @staticmethod
@@ -55,11 +56,11 @@ class DepthCamera:
 def measure(
     rng: np.random.Generator,
     tracer: Tracer,
-    normals: NDArray[np.float32],
+    normals: F32,
     camera: DepthCamera,
     view: View,
     config: ScanConfig,
-) -> NDArray[np.float32]:
+) -> F32:
     """Return a noisy depth image (H, W) [m] along the optical axis; 0 where nothing returned.
 
     The axial noise grows with the square of the distance, as measured for structured-light

@@ -1,8 +1,8 @@
 """Scan the exact apartment: fuse depth views into a truncated signed distance volume."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.threads import in_order
 from ...geometry.fusion.volume import DistanceVolume
@@ -26,7 +26,7 @@ def fuse(
     normals = triangle_normals(scene.shape.corners).astype(np.float32)
     true_views = [v for plan in scene.storeys for v in views(rng, plan, tracer, config)]
 
-    def scan(task: tuple[View, np.random.Generator]) -> tuple[NDArray[np.float32], View]:
+    def scan(task: tuple[View, np.random.Generator]) -> tuple[F32, View]:
         view, stream = task
         depth = measure(stream, tracer, normals, camera, view, config)
         return depth, misplaced(stream, view, config)

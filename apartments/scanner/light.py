@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Array, Floats
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import beside
 from ...geometry.rays.library import call_occluded, lanes
@@ -35,10 +35,10 @@ class Lights:
         sun: (3,) unit direction towards the sun.
     """
 
-    window_m: NDArray[np.float64]
-    window_normal: NDArray[np.float64]
-    lamp_m: NDArray[np.float64]
-    sun: NDArray[np.float64]
+    window_m: Array
+    window_normal: Array
+    lamp_m: Array
+    sun: Array
 
     @staticmethod
     def of(rng: np.random.Generator, scene: TrueScene) -> "Lights":
@@ -72,12 +72,8 @@ class Lighting:
         self._tracer, self._open, self._looks, self._lights = tracer, open_tracer, looks, lights
 
     def soft(
-        self,
-        rng: np.random.Generator,
-        points_m: NDArray[np.floating],
-        normals: NDArray[np.floating],
-        rays: int,
-    ) -> NDArray[np.floating]:
+        self, rng: np.random.Generator, points_m: Floats, normals: Floats, rays: int
+    ) -> Floats:
         """Return irradiance (N, 3) without direct sun at points (N, 3) with unit normals (N, 3)."""
         start = points_m + np.float32(_LIFT_M) * normals
         turn = rng.random(len(start), dtype=np.float32)
@@ -85,9 +81,7 @@ class Lighting:
             windows, lamps = self._windows(rng, start, normals), self._lamps(rng, start, normals)
             return reflected() + windows + lamps
 
-    def sun(
-        self, points_m: NDArray[np.floating], normals: NDArray[np.floating]
-    ) -> NDArray[np.floating]:
+    def sun(self, points_m: Floats, normals: Floats) -> Floats:
         """Return irradiance (N, 3) of direct sun, with sharp shadows."""
         strength = np.empty(len(points_m), dtype=np.float32)
         scene, direction = self._open.scene, self._lights.sun.astype(np.float32)
@@ -98,13 +92,7 @@ class Lighting:
         )  # fmt: skip
         return strength[:, None] * _SUN
 
-    def _reflected(
-        self,
-        turn: NDArray[np.float32],
-        start: NDArray[np.floating],
-        normals: NDArray[np.floating],
-        rays: int,
-    ) -> NDArray[np.floating]:
+    def _reflected(self, turn: F32, start: Floats, normals: Floats, rays: int) -> Floats:
         """Return ambient irradiance, occluded and tinted by near surfaces.
 
         Rays leave in the same pattern everywhere, turned by `turn` (N,) in 0…1.
@@ -127,9 +115,7 @@ class Lighting:
             total += np.where(glow, 1.3, openness)[:, None] * tint
         return total * np.float32(0.62 / rays)
 
-    def _windows(
-        self, rng: np.random.Generator, start: NDArray[np.floating], normals: NDArray[np.floating]
-    ) -> NDArray[np.floating]:
+    def _windows(self, rng: np.random.Generator, start: Floats, normals: Floats) -> Floats:
         result = np.zeros_like(start)
         boxes, facing = self._lights.window_m, self._lights.window_normal
         if not len(boxes):
@@ -156,9 +142,7 @@ class Lighting:
                 result[use] += (add * size * (0.75 / _WINDOW_SAMPLES))[:, None] * _SKY
         return result
 
-    def _lamps(
-        self, rng: np.random.Generator, start: NDArray[np.floating], normals: NDArray[np.floating]
-    ) -> NDArray[np.floating]:
+    def _lamps(self, rng: np.random.Generator, start: Floats, normals: Floats) -> Floats:
         result = np.zeros_like(start)
         lamps = self._lights.lamp_m
         gap = np.linalg.norm(start[:, None] - lamps.astype(np.float32), axis=2)
@@ -173,13 +157,8 @@ class Lighting:
         return result
 
     def _from(
-        self,
-        start: NDArray[np.floating],
-        normals: NDArray[np.floating],
-        target: NDArray[np.float64],
-        axis: NDArray[np.float64],
-        spill: float = 0.0,
-    ) -> NDArray[np.floating]:
+        self, start: Floats, normals: Floats, target: Array, axis: Array, spill: float = 0.0
+    ) -> Floats:
         """Return irradiance (N,) from unit patches at `target` that shine along `axis`."""
         ray = (target - start).astype(np.float32)
         distance = np.linalg.norm(ray, axis=1)
@@ -193,9 +172,7 @@ class Lighting:
         return strength.astype(np.float32)
 
 
-def _tangents(
-    normals: NDArray[np.floating],
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+def _tangents(normals: Floats) -> tuple[Floats, Floats]:
     """Return two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(helper.astype(np.float32), normals)

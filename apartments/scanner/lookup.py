@@ -1,18 +1,16 @@
 """Find the point of the exact surface, and the object, for each point of the scan."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import F32, I32, I64
 from ...geometry.fusion.surface import ScanMesh, neighbours, smooth_normals
 from .tracing import Hits, Tracer
 
 _BEFORE_M, _BEHIND_M = 0.05, 0.08
 
 
-def exact_surface(
-    tracer: Tracer, points_m: NDArray[np.float32], normals: NDArray[np.float32]
-) -> Hits:
+def exact_surface(tracer: Tracer, points_m: F32, normals: F32) -> Hits:
     """Find the exact surface near points (N, 3) with unit normals (N, 3).
 
     Looks along the normal from 5 cm before to 8 cm behind the point; where that misses, takes
@@ -34,9 +32,7 @@ def exact_surface(
     return hits
 
 
-def label_faces(
-    mesh: ScanMesh, tracer: Tracer, face_object: NDArray[np.int32]
-) -> NDArray[np.int32]:
+def label_faces(mesh: ScanMesh, tracer: Tracer, face_object: I32) -> I32:
     """Return the object index (F,) of each triangle; specks take their neighbours' label."""
     centers = mesh.vertices[mesh.faces].mean(1).astype(np.float32)
     normals = smooth_normals(mesh, 1).astype(np.float32)
@@ -53,7 +49,7 @@ def label_faces(
     return label
 
 
-def _majority(label: NDArray[np.int32], pairs: NDArray[np.int64]) -> NDArray[np.int32]:
+def _majority(label: I32, pairs: I64) -> I32:
     """Relabel each triangle whose neighbours all agree on another label."""
     both = np.concatenate([pairs, pairs[:, ::-1]])
     order = np.argsort(both[:, 0], kind="stable")

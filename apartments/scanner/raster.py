@@ -1,17 +1,15 @@
 """Rasterise triangles to the texels of a page."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, Array
 from ...formats.core.kernel import kernel
 
 # Texels up to this far outside a triangle are painted too, so that filtering finds colour there.
 _REACH = 1.8
 
 
-def rasterize(
-    corner: NDArray[np.float64], page_size: tuple[int, int]
-) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
+def rasterize(corner: Array, page_size: tuple[int, int]) -> tuple[I32, F32]:
     """Paint triangles with corners (F, 3, 2) [texels, y down] on a page (width, height).
 
     Returns:

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array
 from ...formats.splats.record import GaussianCloud
 from ..building.true_scene import TrueScene
 
@@ -27,7 +27,7 @@ class Faults:
     """
 
     floaters: int
-    spots_m: NDArray[np.float64]
+    spots_m: Array
     background: int
 
 
@@ -43,14 +43,12 @@ def with_faults(
     return cloud, Faults(count, spots, BACKGROUND)
 
 
-def _spots(rng: np.random.Generator, cloud: GaussianCloud, count: int) -> NDArray[np.float64]:
+def _spots(rng: np.random.Generator, cloud: GaussianCloud, count: int) -> Array:
     center = cloud.position[rng.choice(len(cloud), count)]
     return np.c_[center, rng.uniform(*SPOT_M, count)].astype(np.float64)
 
 
-def _thinned(
-    rng: np.random.Generator, cloud: GaussianCloud, spots: NDArray[np.float64]
-) -> GaussianCloud:
+def _thinned(rng: np.random.Generator, cloud: GaussianCloud, spots: Array) -> GaussianCloud:
     keep = np.ones(len(cloud), dtype=bool)
     opacity = cloud.opacity.copy()
     for x, y, z, radius in spots:
@@ -86,10 +84,7 @@ def _background(rng: np.random.Generator, scene: TrueScene) -> GaussianCloud:
 
 
 def _cloud(
-    rng: np.random.Generator,
-    position: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    opacity: NDArray[np.float64],
+    rng: np.random.Generator, position: Array, scale: Array, opacity: Array
 ) -> GaussianCloud:
     quat = rng.standard_normal((len(position), 4))
     return GaussianCloud(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import F32, I64, Array, Floats
 from ...formats.core.frames import matrix_to_quat
 from ...formats.core.geometry import triangle_areas, triangle_normals
 from ...formats.core.kernel import kernel
@@ -74,12 +75,7 @@ def place_splats(
     )
 
 
-def seen_from(
-    tracer: Tracer,
-    eyes_m: NDArray[np.float64],
-    points_m: NDArray[np.floating],
-    normals: NDArray[np.floating],
-) -> NDArray[np.int8]:
+def seen_from(tracer: Tracer, eyes_m: Array, points_m: Floats, normals: Floats) -> NDArray[np.int8]:
     """Return (N,) 1 or −1: the side of the normal from which a station sees the point; 0 = none."""
     side = np.zeros(len(points_m), dtype=np.int8)
     tree = KDTree(eyes_m)
@@ -115,9 +111,9 @@ def _light(
     scene: TrueScene,
     tracer: Tracer,
     looks: Appearance,
-    points: NDArray[np.float64],
-    normals: NDArray[np.float32],
-) -> NDArray[np.float32]:
+    points: Array,
+    normals: F32,
+) -> F32:
     """Return the light (N, 3) at points with unit normals: soft light interpolated, sun exact."""
     panes = looks.emissive[scene.shape.material]
     lighting = Lighting(tracer, Tracer(scene.shape.corners[~panes]), looks, Lights.of(rng, scene))
@@ -133,7 +129,7 @@ def _light(
     return light + lighting.sun(at, normals).astype(np.float32)
 
 
-def _axes(normals: NDArray[np.float64]) -> NDArray[np.float64]:
+def _axes(normals: Array) -> Array:
     """Return rotations (F, 3, 3) whose third column is the normal."""
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
     across = np.cross(helper, normals)
@@ -142,12 +138,7 @@ def _axes(normals: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([across, np.cross(normals, across), normals], axis=2).astype(np.float64)
 
 
-def _on_grid(
-    corners: NDArray[np.float64],
-    normals: NDArray[np.float64],
-    faces: NDArray[np.int64],
-    spacing: float,
-) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float64]]:
+def _on_grid(corners: Array, normals: Array, faces: I64, spacing: float) -> tuple[I64, F32, Array]:
     """Return the face, barycentric weights (N, 2) and place (N, 3) of grid points in triangles."""
     axes = _axes(normals[faces])
     flat = np.einsum("fki,fij->fkj", corners[faces], axes[:, :, :2])

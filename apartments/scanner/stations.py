@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import Array, Mask
 from ..building.plan import FloorPlan
 from ..building.shell import wall_frame
 from ..building.stairs import eyes_on_stairs
@@ -27,11 +27,11 @@ class View:
         rotation: (3, 3) camera (x right, y down, z forward) to world.
     """
 
-    position_m: NDArray[np.float64]
-    rotation: NDArray[np.float64]
+    position_m: Array
+    rotation: Array
 
 
-def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> View:
+def look(position_m: Array, yaw_rad: float, pitch_rad: float) -> View:
     """Return a level camera at `position_m` that looks along yaw and pitch (up positive)."""
     forward = np.array(
         [
@@ -44,7 +44,7 @@ def look(position_m: NDArray[np.float64], yaw_rad: float, pitch_rad: float) -> V
     return View(position_m, np.stack([right, np.cross(forward, right), forward], axis=1))
 
 
-def _standing(tracer: Tracer, points: NDArray[np.float64], floor_z_m: float) -> NDArray[np.bool_]:
+def _standing(tracer: Tracer, points: Array, floor_z_m: float) -> Mask:
     """Return whether camera positions (N, 3) are free: bare floor below, nothing too near."""
     down = np.tile(np.array([0.0, 0.0, -1.0], dtype=np.float32), (len(points), 1))
     depth = tracer.distance(points.astype(np.float32), down, 4.0)
@@ -59,11 +59,9 @@ def _standing(tracer: Tracer, points: NDArray[np.float64], floor_z_m: float) -> 
     return clear
 
 
-def stations(
-    rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float
-) -> NDArray[np.float64]:
+def stations(rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float) -> Array:
     """Return camera positions (N, 3) [m] over the free floor of every room, and in doorways."""
-    found: list[NDArray[np.float64]] = []
+    found: list[Array] = []
     for room in plan.rooms:
         count = np.maximum(np.ceil(room.size_m / _LATTICE_M), 2).astype(int)
         cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count)), -1).reshape(-1, 2)
@@ -83,9 +81,9 @@ def stations(
     return np.array(found)
 
 
-def _spread(points: NDArray[np.float64], spacing_m: float) -> list[NDArray[np.float64]]:
+def _spread(points: Array, spacing_m: float) -> list[Array]:
     """Sample points (N, 3) farthest-first until all lie within `spacing_m` of a sample."""
-    chosen: list[NDArray[np.float64]] = []
+    chosen: list[Array] = []
     if not len(points):
         return chosen
     # Starting in the corner makes the choice hug the walls, where furniture hides the floor.

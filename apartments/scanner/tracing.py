@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, Array, Floats, Mask
 from ...geometry.rays.packets import PacketScene
 
 
@@ -18,9 +18,9 @@ class Hits:
         bary: (N, 2) float32 weights of the triangle's second and third corner.
     """
 
-    face: NDArray[np.int32]
-    distance_m: NDArray[np.float32]
-    bary: NDArray[np.float32]
+    face: I32
+    distance_m: F32
+    bary: F32
 
 
 class Tracer:
@@ -30,15 +30,11 @@ class Tracer:
         scene: its ray structure.
     """
 
-    def __init__(self, corners_m: NDArray[np.float64]):
+    def __init__(self, corners_m: Array):
         self.scene = PacketScene.of_corners(corners_m)
 
     def first(
-        self,
-        origins_m: NDArray[np.floating],
-        directions: NDArray[np.floating],
-        reach_m: float,
-        coherent: bool = True,
+        self, origins_m: Floats, directions: Floats, reach_m: float, coherent: bool = True
     ) -> Hits:
         """Return the first hits of rays (N, 3), (N, 3) within `reach_m`.
 
@@ -52,18 +48,11 @@ class Tracer:
         )
         return Hits(hits.prim, hits.depth, np.stack([hits.u, hits.v], axis=1))
 
-    def distance(
-        self, origins_m: NDArray[np.floating], directions: NDArray[np.floating], reach_m: float
-    ) -> NDArray[np.float32]:
+    def distance(self, origins_m: Floats, directions: Floats, reach_m: float) -> F32:
         """Return the distance (N,) [m] to the first hit; `reach_m` where there is none."""
         return self.first(origins_m, directions, reach_m).distance_m
 
-    def blocked(
-        self,
-        origins_m: NDArray[np.floating],
-        directions: NDArray[np.floating],
-        reach_m: NDArray[np.floating],
-    ) -> NDArray[np.bool_]:
+    def blocked(self, origins_m: Floats, directions: Floats, reach_m: Floats) -> Mask:
         """Return (N,) whether anything lies within `reach_m` (N,) along each ray."""
         return self.scene.occluded(
             origins=origins_m, directions=directions * np.maximum(reach_m, 0.0)[:, None]

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+
+from .arrays import Array
 
 # Centre of the first pixel at (0, 0), as OpenCV, ROS and Foxglove have it.
 PIXEL_CONVENTION = "opencv"
@@ -30,7 +31,7 @@ class CameraModel:
         return 0.5 * self.width_px / float(np.tan(0.5 * np.deg2rad(self.hfov_deg)))
 
     @property
-    def intrinsics(self) -> NDArray[np.float64]:
+    def intrinsics(self) -> Array:
         """Return the intrinsic matrix K (3, 3) in OpenCV's convention.
 
         Pixel centres lie at whole numbers, so that cx = (width − 1) / 2 and a pixel in column u and
@@ -39,7 +40,7 @@ class CameraModel:
         f, cx, cy = self.focal_px, 0.5 * (self.width_px - 1), 0.5 * (self.height_px - 1)
         return np.array([[f, 0.0, cx], [0.0, f, cy], [0.0, 0.0, 1.0]])
 
-    def pixel_rays(self) -> NDArray[np.float64]:
+    def pixel_rays(self) -> Array:
         """Return the points (height, width, 3) of the optical frame that pixels show at depth 1."""
         row, column = np.indices((self.height_px, self.width_px))
         x = (column - (self.width_px - 1) / 2) / self.focal_px

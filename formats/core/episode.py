@@ -4,9 +4,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..scene import FULL_HEIGHT_M
+from .arrays import Array
 
 
 @dataclass(frozen=True)
@@ -36,10 +36,10 @@ class Episode:
     scene_id: str
     split: str
     level: int
-    start_position_world_m: NDArray[np.float64]
+    start_position_world_m: Array
     start_yaw_rad: float
-    goal_position_world_m: NDArray[np.float64]
-    reference_path_world_m: NDArray[np.float64]
+    goal_position_world_m: Array
+    reference_path_world_m: Array
     geodesic_distance_m: float
     instruction: str = ""
     goal_radius_m: float = 3.0

@@ -6,9 +6,9 @@ Cameras: *optical* frame: x right, y down, z forward (OpenCV, ROS and Foxglove).
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from .arrays import Array
 
 # Optical axes (x right, y down, z forward) expressed in a body frame (x forward, y left, z up).
 OPTICAL_IN_BODY = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
@@ -85,11 +85,7 @@ def matrix_to_quat(rotation: ArrayLike) -> Array:
     k = np.empty((*m.shape[:-2], 4, 4))
     trace = m[..., 0, 0] + m[..., 1, 1] + m[..., 2, 2]
     vector = np.stack(
-        [
-            m[..., 2, 1] - m[..., 1, 2],
-            m[..., 0, 2] - m[..., 2, 0],
-            m[..., 1, 0] - m[..., 0, 1],
-        ],
+        [m[..., 2, 1] - m[..., 1, 2], m[..., 0, 2] - m[..., 2, 0], m[..., 1, 0] - m[..., 0, 1]],
         axis=-1,
     )
     k[..., 0, 0] = trace

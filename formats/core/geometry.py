@@ -7,6 +7,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arrays import Array
+
 
 def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
     """Return the cross product of two edges of each triangle: along its normal, twice its area.
@@ -51,7 +53,7 @@ def _doubled_areas(cross: NDArray[Any]) -> Any:
     return length
 
 
-def arc_length(path_m: ArrayLike) -> NDArray[np.float64]:
+def arc_length(path_m: ArrayLike) -> Array:
     """Return the distances (P,) [m] of the points of a path (P, D) [m] from its start, along it."""
     path = np.asarray(path_m, dtype=np.float64)
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
@@ -62,14 +64,14 @@ def path_length(path_m: ArrayLike) -> float:
     return float(np.linalg.norm(np.diff(np.asarray(path_m), axis=0), axis=1).sum())
 
 
-def point_along(path_m: ArrayLike, along_m: ArrayLike) -> NDArray[np.float64]:
+def point_along(path_m: ArrayLike, along_m: ArrayLike) -> Array:
     """Return points (..., D) at distances (...) [m] along a path (P, D) [m]; clamped to ends."""
     path = np.asarray(path_m, dtype=np.float64)
     at, along = arc_length(path), np.asarray(along_m, dtype=np.float64)
     return np.stack([np.interp(along, at, path[:, k]) for k in range(path.shape[1])], axis=-1)
 
 
-def distances_to_path(points_m: ArrayLike, path_m: ArrayLike) -> NDArray[np.float64]:
+def distances_to_path(points_m: ArrayLike, path_m: ArrayLike) -> Array:
     """Return the distances (N,) [m] of points (N, D) [m] to the line through a path (P, D) [m]."""
     path = np.asarray(path_m, dtype=np.float64)
     starts, along = path[:-1], np.diff(path, axis=0)
@@ -79,7 +81,7 @@ def distances_to_path(points_m: ArrayLike, path_m: ArrayLike) -> NDArray[np.floa
     return np.linalg.norm(off, axis=2).min(axis=1)
 
 
-def resample(path_m: ArrayLike, spacing_m: float) -> NDArray[np.float64]:
+def resample(path_m: ArrayLike, spacing_m: float) -> Array:
     """Divide each segment of a path (P, D) [m] evenly so that none is longer than `spacing_m`.
 
     All given points are kept, so the shape is unchanged; repeated points are dropped.
@@ -98,7 +100,7 @@ def resample(path_m: ArrayLike, spacing_m: float) -> NDArray[np.float64]:
     return result
 
 
-def space_evenly(path_m: ArrayLike, step_m: float) -> NDArray[np.float64]:
+def space_evenly(path_m: ArrayLike, step_m: float) -> Array:
     """Return points (M, D), M ≥ 1, equally spaced along a path (P, D) [m].
 
     Keeps the ends but, unlike `resample`, cuts corners. The spacing is the largest one not above
@@ -118,7 +120,7 @@ FAR_EXTENTS = 100.0
 COARSE_SHARE = 1e-4
 
 
-def far_offset(points: NDArray[Any]) -> NDArray[np.float64]:
+def far_offset(points: NDArray[Any]) -> Array:
     """Return the round offset (3,) to subtract from points (N, 3) that lie far from the origin.
 
     It is 0 along axes on which the middle of the points lies near. Few points that are invalid or
@@ -136,7 +138,7 @@ def far_offset(points: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(np.abs(middle) > FAR_EXTENTS * extent, np.rint(middle / step) * step, 0.0)
 
 
-def coarse_warning(points: NDArray[Any], offset: NDArray[np.float64]) -> list[str]:
+def coarse_warning(points: NDArray[Any], offset: Array) -> list[str]:
     """Return a warning if points (N, 3) at `offset` (3,) were rounded to 32-bit numbers there."""
     sample = np.asarray(points[:: max(1, len(points) // 1000)], dtype=np.float64)
     extent = float(np.ptp(sample - offset, axis=0).max()) if len(sample) else 0.0

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum, StrEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from .arrays import I64, Array, Mask
 from .episode import Episode
 
 STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is a sample
@@ -111,21 +111,21 @@ class Rollout:
     episode: Episode
     robot: str
     controller: str
-    time_s: NDArray[np.float64]
-    position_world_m: NDArray[np.float64]
-    quat_wxyz: NDArray[np.float64]
-    linear_velocity_base_m_s: NDArray[np.float64]
-    angular_velocity_base_rad_s: NDArray[np.float64]
+    time_s: Array
+    position_world_m: Array
+    quat_wxyz: Array
+    linear_velocity_base_m_s: Array
+    angular_velocity_base_rad_s: Array
     joint_names: tuple[str, ...]
-    joint_position_rad: NDArray[np.float64]
-    joint_velocity_rad_s: NDArray[np.float64]
-    joint_torque_nm: NDArray[np.float64]
-    command: NDArray[np.float64]
+    joint_position_rad: Array
+    joint_velocity_rad_s: Array
+    joint_torque_nm: Array
+    command: Array
     foot_names: tuple[str, ...]
-    foot_contact: NDArray[np.bool_]
-    foot_force_n: NDArray[np.float64]
-    imu: NDArray[np.float64]
-    floor_z_m: NDArray[np.float64]
+    foot_contact: Mask
+    foot_force_n: Array
+    imu: Array
+    floor_z_m: Array
     actions: tuple[ActionSpan, ...]
     events: tuple[Event, ...]
     end_reason: EndReason
@@ -133,7 +133,7 @@ class Rollout:
     facts: dict[str, object] = field(default_factory=dict)
     labels: tuple[Action, ...] = ()
 
-    def frame_samples(self, frames_per_second: int) -> NDArray[np.int64]:
+    def frame_samples(self, frames_per_second: int) -> I64:
         """Return the sample index (N,) of each frame: every 100/fps-th sample from 0 on.
 
         Of a robot that has come to rest after its stop, up to the first frame at rest.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Floats
 from ..core.camera import CameraModel
 from ..core.frames import quat_to_matrix
 from ..core.licences import hub_licence, licence_id
@@ -51,7 +51,7 @@ class CameraFacts:
     pitch_down_deg: tuple[float, float, float]
 
     @staticmethod
-    def of(camera: CameraModel, camera_pose: NDArray[np.floating]) -> "CameraFacts":
+    def of(camera: CameraModel, camera_pose: Floats) -> "CameraFacts":
         """Return the facts of the poses (N, 7), position [m] and quat_wxyz in the start frame."""
         forward_z = quat_to_matrix(camera_pose[:, 3:].astype(np.float64))[:, 2, 2]
         pitch = np.rad2deg(np.arcsin(np.clip(-forward_z, -1.0, 1.0)))
@@ -193,7 +193,7 @@ def _camera(facts: CameraFacts) -> str:
   y down, z forward)."""
 
 
-def _spread(values: NDArray[np.floating]) -> tuple[float, float, float]:
+def _spread(values: Floats) -> tuple[float, float, float]:
     low, middle, high = np.quantile(values, (0.01, 0.5, 0.99)).tolist()
     return low, middle, high
 

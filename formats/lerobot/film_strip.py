@@ -4,9 +4,9 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from ..core.arrays import U8
 from ..video.depth_picture import depth_picture, depth_scale
 from ..video.stream import pick_frames
 from .layout import RGB_KEY
@@ -53,7 +53,7 @@ def _spread(count: int, wanted: int) -> list[int]:
     return sorted(set(np.linspace(0, count - 1, min(count, wanted)).round().astype(int).tolist()))
 
 
-def _head(unit: EpisodeUnit, width_px: int) -> NDArray[np.uint8]:
+def _head(unit: EpisodeUnit, width_px: int) -> U8:
     """Return (`HEAD_PX`, `width_px`, 3): the episode in a line, and the times of its images."""
     image = Image.new("RGB", (width_px, HEAD_PX), "white")
     draw = ImageDraw.Draw(image)
@@ -71,25 +71,25 @@ def _head(unit: EpisodeUnit, width_px: int) -> NDArray[np.uint8]:
     return np.asarray(image)
 
 
-def _colours(unit: EpisodeUnit) -> NDArray[np.uint8]:
+def _colours(unit: EpisodeUnit) -> U8:
     numbers = _spread(unit.length, FRAMES)
     frames = pick_frames(unit.video(RGB_KEY), numbers)
     images = (np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in frames)
     return _row([_small(image) for image in images])
 
 
-def _depths(unit: EpisodeUnit) -> NDArray[np.uint8]:
+def _depths(unit: EpisodeUnit) -> U8:
     numbers = _spread(unit.length, FRAMES)
     images = [_small(depth_picture(depth_m)) for depth_m in unit.depth_m(numbers)]
     return _row([*images, depth_scale(len(images[0]))])
 
 
-def _small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _small(image: U8) -> U8:
     height = max(1, round(image.shape[0] * WIDTH_PX / image.shape[1]))
     return np.asarray(cv2.resize(image, (WIDTH_PX, height), interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _row(images: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+def _row(images: Sequence[U8]) -> U8:
     gap = np.full((images[0].shape[0], GAP_PX, 3), 255, np.uint8)
     parts = [part for image in images for part in (image, gap)]
     return np.concatenate(parts[:-1], axis=1)

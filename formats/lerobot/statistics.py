@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import F32, I64, Array
 from ..core.camera import DepthRange
 from ..video.depth_codes import MAX_CODE, codes_to_depth, codes_to_millimetres
 from .layout import DEPTH_KEY, RGB_KEY
@@ -42,9 +43,7 @@ def column_statistics(values: NDArray[Any]) -> Statistics:
     return result | dict(zip(QUANTILES, _column_quantiles(columns), strict=True))
 
 
-def image_statistics(
-    values: NDArray[np.float32], counts: NDArray[np.int64], frames: int
-) -> Statistics:
+def image_statistics(values: F32, counts: I64, frames: int) -> Statistics:
     """Return the statistics of images from how often each value occurs.
 
     Args:
@@ -86,11 +85,7 @@ class StatisticsSum:
 
 
 def picture_statistics(
-    rgb_counts: NDArray[np.int64],
-    depth_counts: NDArray[np.int64],
-    depth_range: DepthRange,
-    length: int,
-    millimetres: bool,
+    rgb_counts: I64, depth_counts: I64, depth_range: DepthRange, length: int, millimetres: bool
 ) -> dict[str, Statistics]:
     """Return the statistics of an episode's colours and depth, from how often each value occurs.
 
@@ -139,7 +134,7 @@ def _merge(a: Statistics, b: Statistics) -> Statistics:
     return merged | {key: (1 - share) * a[key] + share * b[key] for key in QUANTILES}
 
 
-def _column_quantiles(columns: NDArray[Any]) -> NDArray[np.float64]:
+def _column_quantiles(columns: NDArray[Any]) -> Array:
     """Return histogram quantiles (Q, D) of columns (N, D): `_quantiles`, for all at once."""
     ascending = np.sort(columns, axis=0)
     edges = [_edges(column) for column in ascending.T]
@@ -156,7 +151,7 @@ def _column_quantiles(columns: NDArray[Any]) -> NDArray[np.float64]:
     return np.where(picked == 0, first, lower + fraction * (upper - lower))
 
 
-def _quantiles(values: NDArray[Any], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _quantiles(values: NDArray[Any], weights: Array) -> Array:
     """Return the histogram quantiles of ascending `values` (N,) that occur `weights` (N,) times."""
     edges = _edges(values)
     bins = _bins(edges, values)
@@ -176,5 +171,5 @@ def _edges(ascending: NDArray[Any]) -> NDArray[Any]:
     return np.linspace(ascending[0] - PADDING, ascending[-1] + PADDING, BINS + 1)
 
 
-def _bins(edges: NDArray[Any], values: NDArray[Any]) -> NDArray[np.int64]:
+def _bins(edges: NDArray[Any], values: NDArray[Any]) -> I64:
     return np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)

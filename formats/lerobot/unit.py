@@ -17,8 +17,8 @@ from typing import cast
 
 import numpy as np
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from ..core.arrays import F32, I64, U16
 from ..core.camera import CameraModel, DepthRange
 from ..core.errors import FileFormatError, check_name
 from ..core.rollout import Rollout
@@ -52,7 +52,7 @@ class EpisodeUnit(UnitParts):
         """Return the path of a video."""
         return self.folder / f"{key}.mp4"
 
-    def depth_m(self, numbers: Sequence[int]) -> Iterator[NDArray[np.float32]]:
+    def depth_m(self, numbers: Sequence[int]) -> Iterator[F32]:
         """Yield the depth (H, W) [m] of the frames of the given ascending numbers, 0 = invalid.
 
         Raises:
@@ -61,7 +61,7 @@ class EpisodeUnit(UnitParts):
         if self.features[DEPTH_KEY]["dtype"] == "video":
             limits = DepthRange(self.columns["depth_near_m"], self.columns["depth_far_m"])
             for frame in pick_frames(self.video(DEPTH_KEY), numbers):
-                codes = cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+                codes = cast(U16, frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
                 yield codes_to_depth(codes, limits)
             return
         images = self.rows()[DEPTH_KEY]
@@ -88,11 +88,7 @@ class EpisodeUnit(UnitParts):
 
 
 def write_episode_unit(
-    folder: Path,
-    rollout: Rollout,
-    frames: FrameFolder,
-    *,
-    depth_storage: str = "video",
+    folder: Path, rollout: Rollout, frames: FrameFolder, *, depth_storage: str = "video"
 ) -> None:
     """Write one episode, whatever its outcome.
 
@@ -171,7 +167,7 @@ def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoF
     return facts
 
 
-def _counts(frames: FrameFolder) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _counts(frames: FrameFolder) -> tuple[I64, I64]:
     """Return how often each colour value and each depth code occurs: (3, 256) and (4096,)."""
     if "rgb_counts" in frames.arrays and "depth_counts" in frames.arrays:
         return frames.arrays["rgb_counts"], frames.arrays["depth_counts"]

@@ -16,8 +16,8 @@ from foxglove.messages import (
     FrameTransforms,
     RawImage,
 )
-from numpy.typing import NDArray
 
+from ..core.arrays import U16, Array
 from ..core.frames import matrix_to_quat, quat_to_matrix
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
@@ -37,7 +37,7 @@ def camera_messages(
     recording: Recording,
     rollout: Rollout,
     view: FrameFolder,
-    depth_codes: Iterable[NDArray[np.uint16]] | None = None,
+    depth_codes: Iterable[U16] | None = None,
 ) -> Iterator[Write]:
     """Yield pose, calibration, colour and depth of each frame.
 
@@ -106,9 +106,7 @@ def camera_messages(
         yield at, write
 
 
-def _camera_in_base(
-    rollout: Rollout, view: FrameFolder
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _camera_in_base(rollout: Rollout, view: FrameFolder) -> tuple[Array, Array]:
     """Return position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
     samples = view.arrays["sample_index"]
     to_base = quat_to_matrix(rollout.quat_wxyz[samples]).swapaxes(-1, -2)

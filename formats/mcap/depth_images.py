@@ -7,8 +7,8 @@ from a far limit of 8 m on; nearer ranges are finer than a millimetre and take m
 import functools
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import I32, U16
 from ..core.camera import DepthRange
 from ..video.depth_codes import MAX_CODE, MAX_MILLIMETRES_M, codes_to_depth, codes_to_millimetres
 
@@ -34,14 +34,14 @@ def depth_encoding(depth_range: DepthRange) -> tuple[str, int]:
     return encoding, _BYTES[encoding]
 
 
-def encode_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> bytes:
+def encode_depth(codes: U16, depth_range: DepthRange) -> bytes:
     """Return the pixels of a depth image (H, W) in the range's encoding, row by row."""
     if depth_encoding(depth_range)[0] == MILLIMETRES:
         return codes_to_millimetres(codes, depth_range).astype("<u2").tobytes()
     return codes_to_depth(codes, depth_range).astype("<f4").tobytes()
 
 
-def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> NDArray[np.uint16]:
+def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> U16:
     """Return the codes (H · W,) of the pixels that `encode_depth` made.
 
     Raises:
@@ -61,7 +61,7 @@ def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> NDArray
 
 
 @functools.cache
-def _codes_of_millimetres(depth_range: DepthRange) -> NDArray[np.int32]:
+def _codes_of_millimetres(depth_range: DepthRange) -> I32:
     table = np.full(1 << 16, NO_CODE, dtype=np.int32)
     table[codes_to_millimetres(_CODES, depth_range)] = _CODES
     return table

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import U16
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..core.rollout import STATE_RATE_HZ, Rollout
@@ -66,7 +67,7 @@ def write_episode_mcap(
     *,
     shown: Sequence[ShownTopic] = (),
     dataset: Mapping[str, Any] | None = None,
-    depth_codes: Iterable[NDArray[np.uint16]] | None = None,
+    depth_codes: Iterable[U16] | None = None,
 ) -> None:
     """Write the episode atomically; all times are simulation times.
 
@@ -121,10 +122,7 @@ def write_blind_mcap(
 
 
 def write_records(
-    recording: Recording,
-    rollout: Rollout,
-    view: FrameFolder,
-    dataset: Mapping[str, Any] | None,
+    recording: Recording, rollout: Rollout, view: FrameFolder, dataset: Mapping[str, Any] | None
 ) -> None:
     """Write the episode's metadata and attachments."""
     writer = recording.writer

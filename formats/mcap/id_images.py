@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from foxglove.channels import CompressedImageChannel
 from foxglove.messages import CompressedImage
-from numpy.typing import NDArray
 
+from ..core.arrays import U16
 from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder, video_name
@@ -74,7 +74,7 @@ def _messages(
         yield at, lambda image=image, at=at: channel.log(image, log_time=at)
 
 
-def _decode(data: bytes, path: Path, name: str) -> NDArray[np.uint16]:
+def _decode(data: bytes, path: Path, name: str) -> U16:
     image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if image is None or image.dtype != np.uint16 or image.ndim != 2:
         raise FileFormatError(path, f"topic {ID_TOPIC.format(name=name)}: not a 16-bit PNG")

@@ -38,10 +38,7 @@ def plan_messages(
     channel = SceneUpdateChannel(PLAN_TOPIC, context=recording.context)
     at, stamp = nanoseconds(rollout.time_s[0]), timestamp(rollout.time_s[0])
     goal = SpherePrimitive(
-        pose=Pose(
-            position=vector(rollout.episode.goal_position_world_m),
-            orientation=UPRIGHT,
-        ),
+        pose=Pose(position=vector(rollout.episode.goal_position_world_m), orientation=UPRIGHT),
         size=Vector3(x=GOAL_DIAMETER_M, y=GOAL_DIAMETER_M, z=GOAL_DIAMETER_M),
         color=GOAL_COLOR,
     )

@@ -20,6 +20,7 @@ from foxglove.messages import (
 )
 from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from .recording import nanoseconds, timestamp
 from .shown import LINK_TOPIC, ROBOT_TOPIC, ShownTopic
 from .topics import BASE_FRAME, quaternion, vector
@@ -41,11 +42,11 @@ class LinkShape:
     """
 
     kind: str
-    position_link_m: NDArray[np.float64]
-    quat_wxyz: NDArray[np.float64]
-    size_m: NDArray[np.float64]
+    position_link_m: Array
+    quat_wxyz: Array
+    size_m: Array
     rgba: tuple[float, float, float, float]
-    corners_m: NDArray[np.float64] | None = None
+    corners_m: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -60,9 +61,9 @@ class RobotLinks:
 
     names: tuple[str, ...]
     shapes: tuple[tuple[LinkShape, ...], ...]
-    time_s: NDArray[np.float64]
-    position_base_m: NDArray[np.float64]
-    quat_wxyz: NDArray[np.float64]
+    time_s: Array
+    position_base_m: Array
+    quat_wxyz: Array
 
 
 def robot_topics(links: RobotLinks) -> tuple[ShownTopic, ...]:

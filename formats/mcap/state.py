@@ -17,6 +17,7 @@ from google.protobuf.descriptor_pb2 import (
 )
 from numpy.typing import NDArray
 
+from ..core.arrays import U8
 from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 
@@ -117,9 +118,7 @@ def _head(number: int, item: _Field, size: int) -> bytes:
     return bytes([number << 3 | LENGTH_DELIMITED, *length, size])
 
 
-def _read_head(
-    row: NDArray[np.uint8], at: int, number: int, item: _Field, path: Path
-) -> tuple[int, int]:
+def _read_head(row: U8, at: int, number: int, item: _Field, path: Path) -> tuple[int, int]:
     """Return the size of a field's payload and where it starts."""
     size, shift, start = 8 if item.scalar else 0, 0, at + 1
     if not item.scalar:

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import F32, I32, Array, Mask
 from ..core.atomic import write_json
 from ..core.errors import FileFormatError, brief
 from ..untrusted.documents import read_json_object
@@ -57,12 +57,12 @@ class VisualMesh:
             as in bundles written before there were instances, all are −1.
     """
 
-    vertices: NDArray[np.float32]
-    faces: NDArray[np.int32]
-    corner_uv: NDArray[np.float32]
-    face_material: NDArray[np.int32]
-    face_label: NDArray[np.int32]
-    face_object: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    vertices: F32
+    faces: I32
+    corner_uv: F32
+    face_material: I32
+    face_label: I32
+    face_object: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
         if not len(self.face_object) and len(self.faces):
@@ -79,8 +79,8 @@ class Floor:
     """
 
     grid: GridSpec
-    height_m: NDArray[np.float32]
-    covered: NDArray[np.bool_]
+    height_m: F32
+    covered: Mask
 
 
 @dataclass(frozen=True)
@@ -94,9 +94,9 @@ class Obstacles:
             no named thing; left out, all are −1.
     """
 
-    center_m: NDArray[np.float64]
-    half_m: NDArray[np.float64]
-    box_object: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    center_m: Array
+    half_m: Array
+    box_object: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
 
     def __post_init__(self) -> None:
         if not len(self.box_object) and len(self.center_m):
@@ -139,8 +139,8 @@ class SceneBundle:
     root: Path
     scene_id: str
     source: dict[str, Any]
-    source_to_world: NDArray[np.float64]
-    habitat_to_world: NDArray[np.float64]
+    source_to_world: Array
+    habitat_to_world: Array
     materials: tuple[Material, ...]
     labels: tuple[str, ...]
     objects: tuple[LabeledObject, ...]
@@ -184,9 +184,7 @@ class SceneBundle:
 
 
 def save_bundle(
-    bundle: SceneBundle,
-    visual: VisualMesh,
-    levels: list[tuple[Floor, Obstacles, Freemap]],
+    bundle: SceneBundle, visual: VisualMesh, levels: list[tuple[Floor, Obstacles, Freemap]]
 ) -> None:
     """Write `bundle` and its arrays under `bundle.root`; the index goes last."""
     save_npz(bundle.root / "visual.npz", **vars(visual))

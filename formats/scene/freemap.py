@@ -4,10 +4,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 from skimage.measure import label
 
+from ..core.arrays import F32, Array, Mask
 from ..core.errors import SceneError
 from . import FULL_HEIGHT_M
 from .grid import GridSpec
@@ -27,11 +27,9 @@ class Freemap:
     """
 
     grid: GridSpec
-    floor_z_m: NDArray[np.float32]
-    traversable: NDArray[np.bool_]
-    headroom_m: NDArray[np.float32] = field(
-        default_factory=lambda: np.empty((0, 0), dtype=np.float32)
-    )
+    floor_z_m: F32
+    traversable: Mask
+    headroom_m: F32 = field(default_factory=lambda: np.empty((0, 0), dtype=np.float32))
 
     def for_height(self, height_m: float) -> "Freemap":
         """Return the map of a robot that needs `height_m` [m] of free height.
@@ -55,7 +53,7 @@ class Freemap:
         return Freemap(self.grid, self.floor_z_m, reached, self.headroom_m)
 
     @cached_property
-    def clearance_m(self) -> NDArray[np.float64]:
+    def clearance_m(self) -> Array:
         """Return distances (rows, columns) [m] of cell centres to the nearest untraversable cell.
 
         The outside of the grid counts as untraversable. Measured to the blocked cell's edge.
@@ -65,7 +63,7 @@ class Freemap:
         return np.maximum(distance - 0.5, 0.0) * self.grid.cell_m
 
     @cached_property
-    def clearance_slope(self) -> NDArray[np.float64]:
+    def clearance_slope(self) -> Array:
         """Return the gradient (2, rows, columns) [m/m] of the clearance along x and y, blurred.
 
         It points away from the nearest obstacle; the blur makes it vanish smoothly on the centre
@@ -75,18 +73,18 @@ class Freemap:
         return np.stack([along_x, along_y])
 
     @cached_property
-    def floor_z_everywhere_m(self) -> NDArray[np.float64]:
+    def floor_z_everywhere_m(self) -> Array:
         """Return floor heights (rows, columns) [m], the nearest floor's where there is none."""
         index = distance_transform_edt(
             ~np.isfinite(self.floor_z_m), return_distances=False, return_indices=True
         )
         return self.floor_z_m[tuple(np.asarray(index))].astype(np.float64)
 
-    def free(self, radius_m: float) -> NDArray[np.bool_]:
+    def free(self, radius_m: float) -> Mask:
         """Return (rows, columns) whether a disc of `radius_m` centred in the cell is free."""
         return self.traversable & (self.clearance_m >= radius_m)
 
-    def traversable_on(self, grid: GridSpec) -> NDArray[np.bool_]:
+    def traversable_on(self, grid: GridSpec) -> Mask:
         """Return `traversable` at the cell centres of another grid, (rows, columns) of that."""
         rows, columns = self.grid.under(grid)
         held = np.pad(self.traversable, 1)

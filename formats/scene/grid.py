@@ -3,7 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ..core.arrays import I64, Array, Mask
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class GridSpec:
         """(rows, columns)."""
         return self.rows, self.columns
 
-    def cell_of(self, xy_m: ArrayLike) -> NDArray[np.int64]:
+    def cell_of(self, xy_m: ArrayLike) -> I64:
         """Return (row, column) (..., 2) int64 of the cells that world points (..., 2) [m] lie in.
 
         Points outside the grid give indices outside `shape`; see `inside`.
@@ -35,17 +37,17 @@ class GridSpec:
         index = np.floor((xy - np.asarray(self.origin_xy_m)) / self.cell_m).astype(np.int64)
         return index[..., ::-1]
 
-    def center_of(self, row_column: ArrayLike) -> NDArray[np.float64]:
+    def center_of(self, row_column: ArrayLike) -> Array:
         """Return world centres (..., 2) [m] of (row, column) (..., 2), fractional allowed."""
         rc = np.asarray(row_column, dtype=np.float64)
         return np.asarray(self.origin_xy_m) + (rc[..., ::-1] + 0.5) * self.cell_m
 
-    def inside(self, row_column: ArrayLike) -> NDArray[np.bool_]:
+    def inside(self, row_column: ArrayLike) -> Mask:
         """Return (...) whether (row, column) (..., 2) lies in the grid."""
         rc = np.asarray(row_column)
         return np.all((rc >= 0) & (rc < np.asarray(self.shape)), axis=-1)
 
-    def under(self, grid: "GridSpec") -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def under(self, grid: "GridSpec") -> tuple[I64, I64]:
         """Return the row here under the centre of each row of another grid, and so the columns.
 
         Centres outside give indices outside `shape`.

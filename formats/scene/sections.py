@@ -3,14 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import Array, Floats, Mask
 from ..core.geometry import triangle_cross
 from ..core.kernel import kernel
 from .grid import GridSpec
 
 
 def inside_solids(
-    vertices_m: NDArray[np.floating], faces: NDArray[np.integer], z_m: float, grid: GridSpec
-) -> NDArray[np.bool_]:
+    vertices_m: Floats, faces: NDArray[np.integer], z_m: float, grid: GridSpec
+) -> Mask:
     """Return (rows, columns) cells whose centres lie in the material of solids at a height.
 
     The section's outline is followed by winding number, counted from all four sides: a closed solid
@@ -34,7 +35,7 @@ def inside_solids(
     return solid & np.all(along_columns > 0, axis=0).T
 
 
-def _outline(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
+def _outline(triangles: Array, z_m: float) -> Array:
     """Return directed segments (N, 2, 2) of the section, the material on their left."""
     ends = np.full((len(triangles), 2, 2), np.nan)
     found = np.zeros(len(triangles), dtype=np.int64)

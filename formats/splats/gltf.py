@@ -14,13 +14,14 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ..core.arrays import F32
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
 from ..untrusted.files import read_input
 from ..untrusted.limits import limits
 from .kind import EXTENSION, gltf_tree, splat_primitives
 from .packed import spz_cloud, spz_header
-from .record import F32, GaussianCloud, check_count, cleaned, joined
+from .record import GaussianCloud, check_count, cleaned, joined
 
 SPZ_EXTENSIONS = (
     "KHR_gaussian_splatting_compression_spz_2",

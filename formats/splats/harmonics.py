@@ -1,13 +1,15 @@
 """Real spherical harmonics up to degree 3 with the Condon–Shortley phase, as 3DGS uses them."""
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from ..core.arrays import F32, Array
 
 C0 = 0.28209479177387814
 C1 = 0.4886025119029199
 
 
-def basis(directions: ArrayLike, degree: int) -> NDArray[np.float64]:
+def basis(directions: ArrayLike, degree: int) -> Array:
     """Return the harmonics (N, (degree + 1)²) along unit directions (N, 3)."""
     x, y, z = np.moveaxis(np.asarray(directions, dtype=np.float64), -1, 0)
     terms = [np.full_like(x, C0)]
@@ -34,9 +36,7 @@ def basis(directions: ArrayLike, degree: int) -> NDArray[np.float64]:
     return np.stack(terms, axis=-1)
 
 
-def rotate_harmonics(
-    harmonics: NDArray[np.float32], rotation: NDArray[np.float64]
-) -> NDArray[np.float32]:
+def rotate_harmonics(harmonics: F32, rotation: Array) -> F32:
     """Return coefficients (N, K, 3) of the same colours after a rotation (3, 3) of the splats.
 
     Each degree is mixed within itself, by the matrix that reproduces the turned functions along

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
+from ..core.arrays import F32, U8
 from ..core.errors import FileFormatError
 from ..untrusted.files import check_input, read_input
 from ..untrusted.limits import limits
 from .harmonics import C0
-from .record import F32, GaussianCloud, check_count, cleaned
+from .record import GaussianCloud, check_count, cleaned
 
 SPLAT_ROW = np.dtype(
     [("position", "<f4", 3), ("scale", "<f4", 3), ("rgba", "u1", 4), ("quat", "u1", 4)]
@@ -138,7 +138,7 @@ def _stream_sizes(version: int, count: int, degree: int) -> list[int]:
     return [n * count for n in per_splat]
 
 
-def _positions(raw: NDArray[np.uint8], version: int, fraction_bits: int) -> F32:
+def _positions(raw: U8, version: int, fraction_bits: int) -> F32:
     if version == 1:
         return np.ascontiguousarray(raw).view("<f2").astype(np.float32)
     wide = np.zeros((len(raw), 3, 4), dtype=np.uint8)
@@ -148,7 +148,7 @@ def _positions(raw: NDArray[np.uint8], version: int, fraction_bits: int) -> F32:
     return (number / 2.0 ** (8 + fraction_bits)).astype(np.float32)
 
 
-def _rotations(raw: NDArray[np.uint8], version: int) -> F32:
+def _rotations(raw: U8, version: int) -> F32:
     """Return quaternions (N, 4), wxyz; SPZ has them in the order xyzw."""
     if version < 3:
         xyz = raw.astype(np.float32) / 127.5 - 1

@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.arrays import F32
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
 from .harmonics import C0
 from .kind import COMPRESSED, ply_splat_kind
 from .ply_header import PlyHeader, ply_rows, read_ply_header
-from .record import F32, GaussianCloud, check_count, cleaned, near_origin
+from .record import GaussianCloud, check_count, cleaned, near_origin
 
 SPLAT_PROPERTIES = (
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",

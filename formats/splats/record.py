@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import F32, Array
 from ..core.errors import FileFormatError
 from ..core.frames import matrix_to_quat, quat_to_matrix
 from ..core.geometry import coarse_warning, far_offset
 from ..untrusted.limits import limits
 from .harmonics import rotate_harmonics
-
-F32 = NDArray[np.float32]
 
 # More than any published indoor capture has; a record of so many without harmonics takes 0.9 GiB.
 MAX_SPLATS = 20_000_000
@@ -98,14 +97,12 @@ class GaussianCloud:
         )
 
 
-def near_origin(position: NDArray[np.float64]) -> dict[str, Any]:
+def near_origin(position: Array) -> dict[str, Any]:
     """Return `position` in 32 bits and `offset` for points (N, 3) that may lie far away."""
     return _at_origin(position, far_offset(position))
 
 
-def _at_origin(
-    position: NDArray[np.float64], offset: NDArray[np.float64] | None = None
-) -> dict[str, Any]:
+def _at_origin(position: Array, offset: Array | None = None) -> dict[str, Any]:
     offset = np.zeros(3) if offset is None else offset
     with np.errstate(over="ignore"):
         near = (position - offset).astype(np.float32)

@@ -12,8 +12,9 @@ import math
 
 import cv2
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from ..core.arrays import F32, U16
 from ..core.camera import DepthRange
 
 DEPTH_PIXEL_FORMAT = "gray12le"
@@ -22,7 +23,7 @@ SHIFT_M = 3.5
 MAX_MILLIMETRES_M = 65.535
 
 
-def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.uint16]:
+def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> U16:
     """Convert depth (...) [m] to codes (...) uint16 in 0 … 4095.
 
     0 stands for invalid: not finite, or outside `depth_range`.
@@ -46,7 +47,7 @@ def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> NDArray[np.ui
     return codes
 
 
-def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.float32]:
+def codes_to_depth(codes: U16, depth_range: DepthRange) -> F32:
     """Convert codes (...) to depth (...) float32 [m], 0 = invalid; as LeRobot does except code 0.
 
     LeRobot's own reader gives below 1e-6 m for code 0.
@@ -54,7 +55,7 @@ def codes_to_depth(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArra
     return _depth_table(depth_range)[codes]
 
 
-def codes_to_millimetres(codes: NDArray[np.uint16], depth_range: DepthRange) -> NDArray[np.uint16]:
+def codes_to_millimetres(codes: U16, depth_range: DepthRange) -> U16:
     """Convert codes (...) to whole millimetres (...) uint16, 0 = invalid.
 
     Raises:
@@ -64,7 +65,7 @@ def codes_to_millimetres(codes: NDArray[np.uint16], depth_range: DepthRange) -> 
 
 
 @functools.cache
-def _depth_table(depth_range: DepthRange) -> NDArray[np.float32]:
+def _depth_table(depth_range: DepthRange) -> F32:
     log_min, log_max = _log_limits(depth_range)
     table = np.arange(MAX_CODE + 1, dtype=np.float32)
     table = np.exp(table * np.float32((log_max - log_min) / MAX_CODE) + np.float32(log_min))
@@ -74,7 +75,7 @@ def _depth_table(depth_range: DepthRange) -> NDArray[np.float32]:
 
 
 @functools.cache
-def _millimetre_table(depth_range: DepthRange) -> NDArray[np.uint16]:
+def _millimetre_table(depth_range: DepthRange) -> U16:
     if depth_range.far_m > MAX_MILLIMETRES_M:
         raise ValueError(f"far limit {depth_range.far_m} m; valid: up to {MAX_MILLIMETRES_M} m")
     return np.rint(_depth_table(depth_range) * 1000.0).astype(np.uint16)
@@ -91,7 +92,7 @@ _LZW, _DIFFERENCES = 5, 2
 _OPTIONS = [cv2.IMWRITE_TIFF_COMPRESSION, _LZW, cv2.IMWRITE_TIFF_PREDICTOR, _DIFFERENCES]
 
 
-def encode_depth_tiff(depth_mm: NDArray[np.uint16]) -> bytes:
+def encode_depth_tiff(depth_mm: U16) -> bytes:
     """Encode (H, W) uint16 [mm], 0 = invalid, without loss."""
     done, data = cv2.imencode(".tiff", np.ascontiguousarray(depth_mm), _OPTIONS)
     if not done:
@@ -99,7 +100,7 @@ def encode_depth_tiff(depth_mm: NDArray[np.uint16]) -> bytes:
     return data.tobytes()
 
 
-def decode_depth_tiff(data: bytes) -> NDArray[np.uint16]:
+def decode_depth_tiff(data: bytes) -> U16:
     """Decode what `encode_depth_tiff` returned.
 
     Raises:

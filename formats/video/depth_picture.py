@@ -2,8 +2,9 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
+
+from ..core.arrays import F32, U8
 
 FAR_M = 20.0  # what lies farther looks as if it lay there
 TICKS_M = (0, 1, 2, 5, 10, 20)
@@ -15,7 +16,7 @@ _UNMEASURED = 150  # grey, which no depth has
 _FONT_PX = 15
 
 
-def depth_picture(depth_m: NDArray[np.float32]) -> NDArray[np.uint8]:
+def depth_picture(depth_m: F32) -> U8:
     """Return depth (H, W) [m] as colours (H, W, 3): warm is near, blue is `FAR_M` and farther.
 
     Colours change with the logarithm of 1 m more than the depth, because most of what a robot in a
@@ -28,7 +29,7 @@ def depth_picture(depth_m: NDArray[np.float32]) -> NDArray[np.uint8]:
     return colours.astype(np.uint8)
 
 
-def depth_scale(height_px: int) -> NDArray[np.uint8]:
+def depth_scale(height_px: int) -> U8:
     """Return (H, `SCALE_PX`, 3): the colours of depths as a column, far on top, with ticks.
 
     Ticks whose labels would touch those above them are left out; the ends are always there.

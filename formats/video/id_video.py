@@ -16,6 +16,7 @@ from av.container import OutputContainer
 from av.video.stream import VideoStream
 from numpy.typing import NDArray
 
+from ..core.arrays import U16
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError
 from .stream import decode_frames
@@ -78,7 +79,7 @@ class IdVideoWriter:
         self._stack.__exit__(kind, error, trace)
 
 
-def iterate_id_video(path: Path) -> Iterator[NDArray[np.uint16]]:
+def iterate_id_video(path: Path) -> Iterator[U16]:
     """Decode a video of integers frame by frame, each (H, W) uint16.
 
     Raises:
@@ -89,9 +90,9 @@ def iterate_id_video(path: Path) -> Iterator[NDArray[np.uint16]]:
             raise FileFormatError(
                 path, f"pixel format {frame.format.name}, a video of ids has {PIXEL_FORMAT}"
             )
-        yield cast(NDArray[np.uint16], frame.to_ndarray(format="gray16le"))
+        yield cast(U16, frame.to_ndarray(format="gray16le"))
 
 
-def read_id_video(path: Path) -> NDArray[np.uint16]:
+def read_id_video(path: Path) -> U16:
     """Decode a whole video of integers, (T, H, W) uint16; raises as `iterate_id_video`."""
     return np.stack(list(iterate_id_video(path)))

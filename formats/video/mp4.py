@@ -15,8 +15,8 @@ from typing import Any, cast
 import av
 import numpy as np
 from av.video.stream import VideoStream
-from numpy.typing import NDArray
 
+from ..core.arrays import F32, I64, U8, U16
 from ..core.atomic import atomic_file
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
@@ -32,11 +32,7 @@ from .codecs import (
 )
 from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
 from .scheduling import ordinary_threads
-from .stream import (
-    VideoFacts,
-    decode_frames,
-    probe_video,
-)
+from .stream import VideoFacts, decode_frames, probe_video
 
 __all__ = [
     "CLIP_CODEC",
@@ -60,10 +56,10 @@ __all__ = [
 
 def write_rgb_video(
     path: Path,
-    frames: Iterable[NDArray[np.uint8]],
+    frames: Iterable[U8],
     frames_per_second: int,
     codec: str | VideoCodec = "h264",
-    counts: NDArray[np.int64] | None = None,
+    counts: I64 | None = None,
 ) -> int:
     """Encode RGB `frames`, each (H, W, 3) uint8, H and W even; return their number.
 
@@ -81,7 +77,7 @@ def write_rgb_video(
         check_rgb_codec(codec)
         codec = RGB_CODECS[codec]
 
-    def convert(frame: NDArray[np.uint8]) -> av.VideoFrame:
+    def convert(frame: U8) -> av.VideoFrame:
         if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
             raise ValueError(
                 f"RGB frame of shape {frame.shape} {frame.dtype}; valid: (H, W, 3) uint8"
@@ -99,11 +95,11 @@ def write_rgb_video(
 
 def write_depth_video(
     path: Path,
-    frames_m: Iterable[NDArray[np.float32]],
+    frames_m: Iterable[F32],
     frames_per_second: int,
     depth_range: DepthRange,
-    counts: NDArray[np.int64] | None = None,
-    on_codes: Callable[[NDArray[np.uint16]], None] | None = None,
+    counts: I64 | None = None,
+    on_codes: Callable[[U16], None] | None = None,
 ) -> int:
     """Encode planar depth losslessly, quantised to 12 bits; return the number of frames.
 
@@ -120,7 +116,7 @@ def write_depth_video(
         ValueError: no frame, or a frame of another shape.
     """
 
-    def convert(depth_m: NDArray[np.float32]) -> av.VideoFrame:
+    def convert(depth_m: F32) -> av.VideoFrame:
         if depth_m.ndim != 2:
             raise ValueError(f"depth frame of shape {depth_m.shape}; valid: (H, W)")
         codes = depth_to_codes(depth_m, depth_range)
@@ -139,17 +135,17 @@ def write_depth_video(
     return _encode(path, frames_m, frames_per_second, DEPTH_CODEC, convert)
 
 
-def iterate_rgb_video(path: Path) -> Iterator[NDArray[np.uint8]]:
+def iterate_rgb_video(path: Path) -> Iterator[U8]:
     """Decode an RGB video frame by frame, each (H, W, 3) uint8.
 
     Raises:
         FileFormatError: missing, truncated or corrupt.
     """
     for frame in decode_frames(path):
-        yield cast(NDArray[np.uint8], frame.to_ndarray(format="rgb24"))
+        yield cast(U8, frame.to_ndarray(format="rgb24"))
 
 
-def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray[np.float32]]:
+def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[F32]:
     """Decode a depth video frame by frame, each (H, W) float32 [m], 0 = invalid.
 
     Args:
@@ -162,7 +158,7 @@ def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[NDArray
         yield codes_to_depth(codes, depth_range)
 
 
-def iterate_depth_codes(path: Path) -> Iterator[NDArray[np.uint16]]:
+def iterate_depth_codes(path: Path) -> Iterator[U16]:
     """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`.
 
     Raises:
@@ -173,25 +169,21 @@ def iterate_depth_codes(path: Path) -> Iterator[NDArray[np.uint16]]:
             raise FileFormatError(
                 path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
             )
-        yield cast(NDArray[np.uint16], frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+        yield cast(U16, frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
 
 
-def read_rgb_video(path: Path) -> NDArray[np.uint8]:
+def read_rgb_video(path: Path) -> U8:
     """Decode a whole RGB video, (T, H, W, 3) uint8; raises as `iterate_rgb_video`."""
     return np.stack(list(iterate_rgb_video(path)))
 
 
-def read_depth_video(path: Path, depth_range: DepthRange) -> NDArray[np.float32]:
+def read_depth_video(path: Path, depth_range: DepthRange) -> F32:
     """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
     return np.stack(list(iterate_depth_video(path, depth_range)))
 
 
 def _encode(
-    path: Path,
-    frames: Iterable[Any],
-    frames_per_second: int,
-    codec: VideoCodec,
-    convert: Any,
+    path: Path, frames: Iterable[Any], frames_per_second: int, codec: VideoCodec, convert: Any
 ) -> int:
     iterator = iter(frames)
     first = next(iterator, None)

@@ -6,8 +6,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..core.arrays import Array
 from ..core.errors import FileFormatError, brief
 from .records import BadEpisode, VlnceEpisode, VlnceGoal
 
@@ -108,7 +108,7 @@ class EpisodeReader:
             raise self.error("scene_id is missing or no path-like string")
         return value
 
-    def _vector(self, value: Any, length: int, key: str) -> NDArray[np.float64]:
+    def _vector(self, value: Any, length: int, key: str) -> Array:
         self._check(value, length, key)
         return np.array(value, dtype=np.float64)
 
@@ -116,7 +116,7 @@ class EpisodeReader:
         if not isinstance(value, list) or len(value) != length or not all(map(_finite, value)):
             raise self.error(f"{key} must be {length} finite numbers, is {brief(value)}")
 
-    def _rotation(self) -> NDArray[np.float64]:
+    def _rotation(self) -> Array:
         quaternion = self._vector(self.raw.get("start_rotation"), 4, "start_rotation")
         norm = math.hypot(*quaternion.tolist())
         # Public files round to a few digits, so allow for that, not for another convention.
@@ -146,7 +146,7 @@ class EpisodeReader:
             result.append(VlnceGoal(position, float(radius)))
         return tuple(result)
 
-    def _path_points(self) -> NDArray[np.float64]:
+    def _path_points(self) -> Array:
         value = self.raw.get("reference_path")
         if value is None:
             return np.zeros((0, 3))

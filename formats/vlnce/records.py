@@ -4,8 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
+from ..core.arrays import Array
 
 OUR_KEY = "vlnpe"  # in an episode's `info`: our writer made it
 _INSTRUCTION_KEYS = frozenset({"instruction_text", "instruction_tokens"})
@@ -17,7 +16,7 @@ _SCENE_SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl", ".dae", ".usd", ".us
 class VlnceGoal:
     """A goal position (3,) in Habitat coordinates [m] and its success radius [m]."""
 
-    position_habitat_m: NDArray[np.float64]
+    position_habitat_m: Array
     radius_m: float
 
 
@@ -42,12 +41,12 @@ class VlnceEpisode:
     episode_id: int | str
     trajectory_id: int | str
     scene_id: str
-    start_position_habitat_m: NDArray[np.float64]
-    start_rotation_xyzw: NDArray[np.float64]
+    start_position_habitat_m: Array
+    start_rotation_xyzw: Array
     instruction_text: str
     instruction_tokens: tuple[int, ...] | None
     goals: tuple[VlnceGoal, ...]
-    reference_path_habitat_m: NDArray[np.float64]
+    reference_path_habitat_m: Array
     info: dict[str, Any] = field(default_factory=dict)
     extra: dict[str, Any] = field(default_factory=dict)
     source: dict[str, Any] | None = field(default=None, repr=False, compare=False)

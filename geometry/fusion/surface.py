@@ -13,6 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
+from ...formats.core.arrays import F32, I32, I64, Array
 from ...formats.core.geometry import triangle_normals_and_areas
 from .volume import DistanceVolume
 
@@ -32,10 +33,10 @@ class ScanMesh:
         faces: (F, 3) int32, counter-clockwise seen from where the scanner was.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int32]
+    vertices: Array
+    faces: I32
 
-    def normals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def normals(self) -> tuple[Array, Array]:
         """Return unit normals (F, 3) and areas (F,) [m²]."""
         return triangle_normals_and_areas(self.vertices[self.faces])
 
@@ -74,11 +75,11 @@ def _march(volume: DistanceVolume, least_weight: float) -> ScanMesh:
     )
 
 
-def _lead(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+def _lead(field: F32, axis: int) -> F32:
     return field[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
 
 
-def _trail(field: NDArray[np.float32], axis: int) -> NDArray[np.float32]:
+def _trail(field: F32, axis: int) -> F32:
     return field[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
 
 
@@ -102,14 +103,14 @@ def without_specks(mesh: ScanMesh, least_faces: int) -> ScanMesh:
     return _compact(mesh.vertices, faces[size[piece[faces[:, 0]]] >= least_faces])
 
 
-def _compact(vertices: NDArray[np.float64], faces: NDArray[np.int32]) -> ScanMesh:
+def _compact(vertices: Array, faces: I32) -> ScanMesh:
     used = np.zeros(len(vertices), dtype=bool)
     used[faces] = True
     number = np.cumsum(used, dtype=np.int32) - np.int32(1)
     return ScanMesh(vertices[used], number[faces])
 
 
-def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
+def neighbours(faces: I32) -> I64:
     """Return pairs (N, 2) of triangles (F, 3) that share an edge."""
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     key = edges[:, 0].astype(np.int64) * (int(faces.max(initial=0)) + 1) + edges[:, 1]
@@ -118,7 +119,7 @@ def neighbours(faces: NDArray[np.int32]) -> NDArray[np.int64]:
     return np.stack([order[:-1][same], order[1:][same]], axis=1) // 3
 
 
-def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
+def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> I32:
     """Return the connected component (count,) of each of `count` items."""
     graph = coo_matrix(
         (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
@@ -126,7 +127,7 @@ def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> NDArray[np.int32]:
     return connected_components(graph, directed=False)[1]
 
 
-def smooth_normals(mesh: ScanMesh, rounds: int) -> NDArray[np.float64]:
+def smooth_normals(mesh: ScanMesh, rounds: int) -> Array:
     """Return unit face normals (F, 3), area-averaged over `rounds` rings of neighbours."""
     normals, area = mesh.normals()
     for _ in range(rounds):

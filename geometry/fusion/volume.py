@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Array
 from ...formats.core.kernel import kernel
 
 f32 = np.float32
@@ -26,15 +26,13 @@ class DistanceVolume:
         weight: (X, Y, Z) float32; 0 where nothing was ever seen.
     """
 
-    origin_m: NDArray[np.float64]
+    origin_m: Array
     voxel_m: float
-    value: NDArray[np.float32]
-    weight: NDArray[np.float32]
+    value: F32
+    weight: F32
 
     @staticmethod
-    def empty(
-        lower_m: NDArray[np.float64], upper_m: NDArray[np.float64], voxel_m: float
-    ) -> "DistanceVolume":
+    def empty(lower_m: Array, upper_m: Array, voxel_m: float) -> "DistanceVolume":
         """Return an empty volume that covers a box."""
         shape = tuple(np.ceil((upper_m - lower_m) / voxel_m).astype(int) + 1)
         return DistanceVolume(
@@ -45,12 +43,7 @@ class DistanceVolume:
         )
 
     def integrate(
-        self,
-        depth_m: NDArray[np.float32],
-        *,
-        focal_px: float,
-        position_m: NDArray[np.float64],
-        rotation: NDArray[np.float64],
+        self, depth_m: F32, *, focal_px: float, position_m: Array, rotation: Array
     ) -> None:
         """Add a depth image.
 

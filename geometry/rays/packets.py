@@ -8,12 +8,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, Floats, Mask
 from ...formats.core.errors import VlnpeError
 from ...formats.core.kernel import kernel
 from .library import call_intersect, call_occluded, device, lanes, library
 
-F32 = NDArray[np.float32]
-I32 = NDArray[np.int32]
 f32 = np.float32
 
 # Rows of a packet of rays and hits, each as long as the packet (RTCRayHit16 and similar).
@@ -54,7 +53,7 @@ class PacketScene:
         arguments: RTCIntersectArguments of a packet call, for kernels.
     """
 
-    def __init__(self, vertices: NDArray[np.floating], faces: NDArray[np.integer]):
+    def __init__(self, vertices: Floats, faces: NDArray[np.integer]):
         """Copy vertices (V, 3) [m] and faces (F, 3), and build the ray structure."""
         library_ = library()
         self.handle = int(library_.rtcNewScene(device()))
@@ -77,17 +76,12 @@ class PacketScene:
         self.arguments[:2], self._scattered[:2] = (_COHERENT, -1), (0, -1)
 
     @classmethod
-    def of_corners(cls, corners: NDArray[np.floating]) -> "PacketScene":
+    def of_corners(cls, corners: Floats) -> "PacketScene":
         """Build the ray structure of loose triangles (F, 3, 3) [m]."""
         return cls(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
     def trace(
-        self,
-        *,
-        origins: NDArray[np.floating],
-        directions: NDArray[np.floating],
-        far: F32,
-        coherent: bool = True,
+        self, *, origins: Floats, directions: Floats, far: F32, coherent: bool = True
     ) -> PacketHits:
         """Return the first hits of N rays.
 
@@ -112,9 +106,7 @@ class PacketScene:
         )  # fmt: skip
         return hits
 
-    def occluded(
-        self, *, origins: NDArray[np.floating], directions: NDArray[np.floating]
-    ) -> NDArray[np.bool_]:
+    def occluded(self, *, origins: Floats, directions: Floats) -> Mask:
         """Return (N,) whether something lies between origin and origin + direction, (N, 3) [m]."""
         out = np.empty(len(directions), dtype=np.bool_)
         _occluded(
@@ -125,7 +117,7 @@ class PacketScene:
         return out
 
 
-def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> NDArray[np.int32]:
+def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> I32:
     """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
 
     The rays of a tile are closest together, so that they make the best packets.

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...formats.splats.record import F32, GaussianCloud
+from ...formats.core.arrays import F32
+from ...formats.splats.record import GaussianCloud
 from .draw import NEAR_M, Eye, SplatImage, draw_splats
 from .project import BLUR_PX2
 from .scene import SplatScene

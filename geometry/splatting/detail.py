@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ...formats.splats.record import F32
+from ...formats.core.arrays import F32, I64, Array, Floats
 
 # Gaussians merged into one from each level to the next.
 FAN = 4
@@ -39,7 +38,7 @@ class Level:
     covariance: F32
     opacity: F32
     coefficients: F32
-    starts: NDArray[np.int64]
+    starts: I64
 
 
 def merged(level: Level, *, antialiased: bool) -> Level:
@@ -95,7 +94,7 @@ def _merged(level: Level, *, antialiased: bool) -> Level:
     total = np.maximum(np.add.reduceat(weight, starts), 1e-30)
     share = (weight / total[group])[:, None]
 
-    def mean(values: NDArray[np.floating]) -> NDArray[np.float64]:
+    def mean(values: Floats) -> Array:
         return np.add.reduceat(share * values, starts)
 
     center = mean(level.position)
@@ -117,7 +116,7 @@ def _merged(level: Level, *, antialiased: bool) -> Level:
     use = whole[group[kept]]
     to = group[kept]
 
-    def rows(own: F32, joint: NDArray[np.float64]) -> F32:
+    def rows(own: F32, joint: Array) -> F32:
         shape = (-1, *([1] * (own.ndim - 1)))
         flat = joint.reshape(groups, *own.shape[1:])
         return np.where(use.reshape(shape), flat[to], own[kept]).astype(np.float32)
@@ -132,24 +131,21 @@ def _merged(level: Level, *, antialiased: bool) -> Level:
     )
 
 
-def widths(covariance: F32, starts: NDArray[np.int64]) -> F32:
+def widths(covariance: F32, starts: I64) -> F32:
     """Return the typical standard deviation (C,) of each chunk's Gaussians [m]: that of 90 %."""
     largest = np.sqrt(np.maximum(covariance[:, [0, 3, 5]].max(1), 0))
-    return np.array(
-        [np.quantile(largest[a:b], 0.9) for a, b in pairwise(starts)],
-        dtype=np.float32,
-    )
+    return np.array([np.quantile(largest[a:b], 0.9) for a, b in pairwise(starts)], dtype=np.float32)
 
 
 _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
-def _full(covariance: NDArray[np.floating]) -> NDArray[np.float64]:
+def _full(covariance: Floats) -> Array:
     """Return covariances (N, 6) as matrices (N, 3, 3)."""
     return covariance[:, [0, 1, 2, 1, 3, 4, 2, 4, 5]].reshape(-1, 3, 3).astype(np.float64)
 
 
-def _cover(covariance: NDArray[np.floating]) -> NDArray[np.float64]:
+def _cover(covariance: Floats) -> Array:
     """Return the area (N,) that Gaussians cover, seen from where they are widest [m²].
 
     It is the square root of the sum of the principal 2 × 2 minors: the product of the two larger

@@ -8,12 +8,12 @@ behind it are not even projected: the picture is that of a full sort at a fracti
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I32, I64, Array
 from ...formats.core.camera import CameraModel
 from .blend import TABLE, blend_tiles, count_unfinished, list_tiles, split_by_depth
 from .project import COLUMNS, TILE, cull_chunks, project_chunks
-from .scene import CHUNK, F32, SplatScene
+from .scene import CHUNK, SplatScene
 
 NEAR_M = 0.05
 # Gaussians that are projected, sorted and blended together.
@@ -49,8 +49,8 @@ class Eye:
     """
 
     camera: CameraModel
-    position_world_m: NDArray[np.float64]
-    rotation_world: NDArray[np.float64]
+    position_world_m: Array
+    rotation_world: Array
 
 
 def draw_splats(
@@ -125,9 +125,7 @@ def draw_splats(
     return state.image(width, height)
 
 
-def _at_detail(
-    scene: SplatScene, visible: NDArray[np.int64], nearest_m: NDArray[np.float64], slope: float
-) -> NDArray[np.int64]:
+def _at_detail(scene: SplatScene, visible: I64, nearest_m: Array, slope: float) -> I64:
     """Return chunks at their coarsest levels whose Gaussians look narrower than `slope`.
 
     A merged Gaussian may lie before the chunk's nearest centre by no more than the bounds of that
@@ -144,7 +142,7 @@ def _at_detail(
 class _State:
     """The image while it is drawn, tile by tile; see `blend_tiles`."""
 
-    alive: NDArray[np.int32]
+    alive: I32
     light: F32
     color: F32
     cover: F32

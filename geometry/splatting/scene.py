@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, I64, Array
 from ...formats.splats.harmonics import C0
-from ...formats.splats.record import F32, GaussianCloud, covariances
+from ...formats.splats.record import GaussianCloud, covariances
 from .detail import LEVELS, Level, merged, widths
 
 CHUNK = 256
@@ -44,7 +45,7 @@ class SplatScene:
     opacity: F32
     color: F32
     harmonics: NDArray[np.int16]
-    starts: NDArray[np.int64]
+    starts: I64
     low: F32
     high: F32
     reach: F32
@@ -104,7 +105,7 @@ class SplatScene:
         return sum(v.nbytes for v in vars(self).values() if isinstance(v, np.ndarray))
 
 
-def _largest_variance(covariance: F32) -> NDArray[np.float64]:
+def _largest_variance(covariance: F32) -> Array:
     """Return at least the largest variance (N,) along any direction [m²], by Gershgorin's discs."""
     xx, xy, xz, yy, yz, zz = covariance.astype(np.float64).T
     rows = (xx + abs(xy) + abs(xz), yy + abs(xy) + abs(yz), zz + abs(xz) + abs(yz))
@@ -120,7 +121,7 @@ def _stepped(harmonics: F32) -> NDArray[np.int16]:
     return out
 
 
-def _order(cloud: GaussianCloud) -> NDArray[np.int64]:
+def _order(cloud: GaussianCloud) -> I64:
     """Return the Gaussians by size class, then along a Morton curve."""
     if not len(cloud):
         return np.zeros(0, dtype=np.int64)

@@ -61,10 +61,7 @@ def washbasin(kit: Kit, rng: np.random.Generator) -> list[Piece]:
         box((-0.9 * w - 0.02, 0.0, 1.2), (0.9 * w + 0.02, 0.03, 2.04), kit.metal),
         quad((0.9 * w, 0.033, 1.22), (-1.8 * w, 0, 0), (0, 0, 0.8), glass),
     ]
-    return [
-        Piece("Washbasin", "washbasin", join(vanity)),
-        Piece("Mirror", "mirror", join(mirror)),
-    ]
+    return [Piece("Washbasin", "washbasin", join(vanity)), Piece("Mirror", "mirror", join(mirror))]
 
 
 def washing_machine(kit: Kit, rng: np.random.Generator) -> Piece:

@@ -58,7 +58,7 @@ def counter(
             [(0.001, 0.93), (0.1, 0.92), (0.105, 1.04), (0.095, 1.04)],
             (stove0 + 0.17, 0.18),
             kit.metal,
-        ),
+        )
     ]
     # The sink: a rim around a basin that is set on the worktop's cut-out.
     rim = [

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ....formats.core.arrays import Array
 from ..shapes import Triangles
 
 # Robots pass beneath what hangs higher, and walk over what is flatter.
@@ -31,7 +31,7 @@ class Piece:
         """Return the same piece turned about z, then shifted."""
         return replace(self, shape=self.shape.moved(yaw_rad, (x_m, y_m, z_m)))
 
-    def footprint(self) -> NDArray[np.float64] | None:
+    def footprint(self) -> Array | None:
         """Return (2, 2) lower and upper corner of what a robot could hit.
 
         None for rugs and lamps.
@@ -62,12 +62,12 @@ class Arrangement:
         """Return this turned about z, then shifted."""
         return replace(self, pieces=tuple(p.moved(yaw_rad, x_m, y_m) for p in self.pieces))
 
-    def bounds(self) -> NDArray[np.float64]:
+    def bounds(self) -> Array:
         """Return (2, 3) bounds of everything [m]."""
         all_bounds = np.array([p.shape.bounds() for p in self.pieces])
         return np.stack([all_bounds[:, 0].min(0), all_bounds[:, 1].max(0)])
 
-    def footprints(self) -> list[NDArray[np.float64]]:
+    def footprints(self) -> list[Array]:
         """Return (2, 2) footprints of its pieces that a robot could hit."""
         return [f for p in self.pieces if (f := p.footprint()) is not None]
 
