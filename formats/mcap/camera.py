@@ -1,6 +1,7 @@
 """The camera in Foxglove's own schemas: pose, calibration, colour and depth."""
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from foxglove.channels import (
@@ -12,7 +13,6 @@ from foxglove.channels import (
 from foxglove.messages import (
     CameraCalibration,
     CompressedVideo,
-    FrameTransform,
     FrameTransforms,
     RawImage,
 )
@@ -24,8 +24,8 @@ from ..rendered.folder import FrameFolder
 from ..video.mp4 import RGB_CODECS, iterate_depth_codes
 from ..video.mux import iterate_bitstream
 from .depth_images import depth_encoding, encode_depth
-from .recording import Recording, nanoseconds, timestamp
-from .topics import BASE_FRAME, CAMERA_FRAME, Write, quaternion, vector
+from .recording import Recording, timestamp
+from .topics import BASE_FRAME, CAMERA_FRAME, Write, logged, transform
 
 RGB_TOPIC = "/camera/rgb"
 DEPTH_TOPIC = "/camera/depth"
@@ -42,7 +42,6 @@ def camera_messages(
     """Yield pose, calibration, colour and depth of each frame.
 
     Args:
-        recording: where to.
         depth_codes: (H, W) of each frame, if they are known; else the video is decoded.
     """
     context = recording.context
@@ -52,8 +51,12 @@ def camera_messages(
     depths = RawImageChannel(DEPTH_TOPIC, context=context)
     camera, codec = view.camera, RGB_CODECS[view.rgb_codec].canonical
     position, rotation = _camera_in_base(rollout, view)
-    intrinsics = camera.intrinsics
-    projection = np.hstack([intrinsics, np.zeros((3, 1))])
+    size: dict[str, Any] = {"width": camera.width_px, "height": camera.height_px}
+    projection = np.hstack([camera.intrinsics, np.zeros((3, 1))])
+    matrices: dict[str, Any] = {
+        name: matrix.ravel().tolist()
+        for name, matrix in (("K", camera.intrinsics), ("R", np.eye(3)), ("P", projection))
+    }
     encoding, pixel_bytes = depth_encoding(view.depth_range)
     times = rollout.time_s[view.arrays["sample_index"]]
     pictures = zip(
@@ -63,47 +66,16 @@ def camera_messages(
         strict=True,
     )
     for i, (time_s, colour, codes) in enumerate(pictures):
-        at, stamp = nanoseconds(time_s), timestamp(time_s)
-        pose = FrameTransform(
-            timestamp=stamp,
-            parent_frame_id=BASE_FRAME,
-            child_frame_id=CAMERA_FRAME,
-            translation=vector(position[i]),
-            rotation=quaternion(rotation[i]),
-        )
-        calibration = CameraCalibration(
-            timestamp=stamp,
-            frame_id=CAMERA_FRAME,
-            width=camera.width_px,
-            height=camera.height_px,
-            K=intrinsics.ravel().tolist(),
-            R=np.eye(3).ravel().tolist(),
-            P=projection.ravel().tolist(),
-        )
-        image = CompressedVideo(timestamp=stamp, frame_id=CAMERA_FRAME, data=colour, format=codec)
+        head: dict[str, Any] = {"timestamp": timestamp(time_s), "frame_id": CAMERA_FRAME}
+        place = transform(BASE_FRAME, CAMERA_FRAME, time_s, position[i], rotation[i])
+        yield logged(transforms, time_s, FrameTransforms(transforms=[place]))
+        yield logged(calibrations, time_s, CameraCalibration(**head, **size, **matrices))
+        yield logged(colours, time_s, CompressedVideo(**head, data=colour, format=codec))
+        data = encode_depth(codes, view.depth_range)
         depth = RawImage(
-            timestamp=stamp,
-            frame_id=CAMERA_FRAME,
-            width=camera.width_px,
-            height=camera.height_px,
-            encoding=encoding,
-            step=pixel_bytes * camera.width_px,
-            data=encode_depth(codes, view.depth_range),
+            **head, **size, encoding=encoding, step=pixel_bytes * camera.width_px, data=data
         )
-
-        def write(
-            at: int = at,
-            pose: FrameTransform = pose,
-            calibration: CameraCalibration = calibration,
-            image: CompressedVideo = image,
-            depth: RawImage = depth,
-        ) -> None:
-            transforms.log(FrameTransforms(transforms=[pose]), log_time=at)
-            calibrations.log(calibration, log_time=at)
-            colours.log(image, log_time=at)
-            depths.log(depth, log_time=at)
-
-        yield at, write
+        yield logged(depths, time_s, depth)
 
 
 def _camera_in_base(rollout: Rollout, view: FrameFolder) -> tuple[Array, Array]:

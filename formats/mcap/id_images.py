@@ -16,8 +16,8 @@ from ..rendered.folder import FrameFolder, video_name
 from ..video.id_video import CODEC, IdVideoWriter
 from ..video.mux import iterate_bitstream
 from .camera_streams import topic_messages
-from .recording import Contents, Recording, nanoseconds, timestamp
-from .topics import CAMERA_FRAME, Write
+from .recording import Contents, Recording, timestamp
+from .topics import CAMERA_FRAME, Write, logged
 
 ID_TOPIC = "/camera/{name}"
 LABELS_NAME = "labels.json"  # beside the videos: names of their numbers
@@ -67,11 +67,10 @@ def _messages(
     channel = CompressedImageChannel(ID_TOPIC.format(name=name), context=recording.context)
     times = rollout.time_s[view.arrays["sample_index"]]
     for time_s, packet in zip(times, iterate_bitstream(video), strict=True):
-        at = nanoseconds(time_s)
         image = CompressedImage(
             timestamp=timestamp(time_s), frame_id=CAMERA_FRAME, data=packet, format="png"
         )
-        yield at, lambda image=image, at=at: channel.log(image, log_time=at)
+        yield logged(channel, time_s, image)
 
 
 def _decode(data: bytes, path: Path, name: str) -> U16:

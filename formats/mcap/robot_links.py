@@ -1,14 +1,14 @@
 """The robot's body in Foxglove: shapes fixed to link frames, and where the links are."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from foxglove.messages import (
     Color,
     CubePrimitive,
     CylinderPrimitive,
-    FrameTransform,
     FrameTransforms,
     Point3,
     Pose,
@@ -16,14 +16,13 @@ from foxglove.messages import (
     SceneUpdate,
     SpherePrimitive,
     TriangleListPrimitive,
-    Vector3,
 )
 from numpy.typing import NDArray
 
 from ..core.arrays import Array
 from .recording import nanoseconds, timestamp
 from .shown import LINK_TOPIC, ROBOT_TOPIC, ShownTopic
-from .topics import BASE_FRAME, quaternion, vector
+from .topics import BASE_FRAME, pose, transform, vector
 
 LINK_PREFIX = "link/"  # of frame names, so that no link is taken for `base` or `world`
 CUBE, SPHERE, CYLINDER, TRIANGLES = "cube", "sphere", "cylinder", "triangles"
@@ -71,17 +70,13 @@ def robot_topics(links: RobotLinks) -> tuple[ShownTopic, ...]:
     if not links.names:
         return ()
     start = float(links.time_s[0])
-    body = SceneUpdate(
-        entities=[
-            _entity(name, shapes, start)
-            for name, shapes in zip(links.names, links.shapes, strict=True)
-        ]
-    )
+    parts = zip(links.names, links.shapes, strict=True)
+    body = SceneUpdate(entities=[_entity(name, shapes, start) for name, shapes in parts])
     # Single precision is a micrometre here, and half of each number's bytes are zeros to compress.
     position = links.position_base_m.astype(np.float32)
     rotation = links.quat_wxyz.astype(np.float32)
     moves = tuple(
-        (nanoseconds(time_s), bytes(_transforms(links.names, time_s, *poses).encode()))
+        (nanoseconds(time_s), _transforms(links.names, time_s, *poses))
         for time_s, *poses in zip(links.time_s.tolist(), position, rotation, strict=True)
     )
     shown = (nanoseconds(start), bytes(body.encode()))
@@ -92,44 +87,30 @@ def robot_topics(links: RobotLinks) -> tuple[ShownTopic, ...]:
     )
 
 
-def _transforms(
-    names: Sequence[str], time_s: float, position: NDArray, rotation: NDArray
-) -> FrameTransforms:
-    stamp = timestamp(time_s)
-    return FrameTransforms(
-        transforms=[
-            FrameTransform(
-                timestamp=stamp,
-                parent_frame_id=BASE_FRAME,
-                child_frame_id=LINK_PREFIX + name,
-                translation=vector(position[k]),
-                rotation=quaternion(rotation[k]),
-            )
-            for k, name in enumerate(names)
-        ]
-    )
+def _transforms(names: Sequence[str], time_s: float, position: NDArray, rotation: NDArray) -> bytes:
+    """Return the encoded transforms base → link."""
+    links = zip(names, position, rotation, strict=True)
+    moved = [transform(BASE_FRAME, LINK_PREFIX + name, time_s, *place) for name, *place in links]
+    return bytes(FrameTransforms(transforms=moved).encode())
 
 
 def _entity(name: str, shapes: Sequence[LinkShape], time_s: float) -> SceneEntity:
-    def of(kind: str) -> list[LinkShape]:
-        return [shape for shape in shapes if shape.kind == kind]
+    def bodies(kind: str, primitive: Callable[..., Any], **more: float) -> list[Any]:
+        return [
+            primitive(pose=_pose(s), size=vector(s.size_m), color=_color(s), **more)
+            for s in shapes
+            if s.kind == kind
+        ]
 
     return SceneEntity(
         timestamp=timestamp(time_s),
         frame_id=LINK_PREFIX + name,
         id=name,
         frame_locked=True,
-        cubes=[CubePrimitive(pose=_pose(s), size=_size(s), color=_color(s)) for s in of(CUBE)],
-        spheres=[
-            SpherePrimitive(pose=_pose(s), size=_size(s), color=_color(s)) for s in of(SPHERE)
-        ],
-        cylinders=[
-            CylinderPrimitive(
-                pose=_pose(s), size=_size(s), bottom_scale=1.0, top_scale=1.0, color=_color(s)
-            )
-            for s in of(CYLINDER)
-        ],
-        triangles=[_triangles(shape) for shape in of(TRIANGLES)],
+        cubes=bodies(CUBE, CubePrimitive),
+        spheres=bodies(SPHERE, SpherePrimitive),
+        cylinders=bodies(CYLINDER, CylinderPrimitive, bottom_scale=1.0, top_scale=1.0),
+        triangles=[_triangles(shape) for shape in shapes if shape.kind == TRIANGLES],
     )
 
 
@@ -139,11 +120,7 @@ def _color(shape: LinkShape) -> Color:
 
 
 def _pose(shape: LinkShape) -> Pose:
-    return Pose(position=vector(shape.position_link_m), orientation=quaternion(shape.quat_wxyz))
-
-
-def _size(shape: LinkShape) -> Vector3:
-    return vector(shape.size_m)
+    return pose(shape.position_link_m, shape.quat_wxyz)
 
 
 def _triangles(shape: LinkShape) -> TriangleListPrimitive:

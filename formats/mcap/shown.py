@@ -9,19 +9,11 @@ from dataclasses import dataclass
 
 import foxglove
 import numpy as np
-from foxglove.messages import (
-    Grid,
-    PackedElementField,
-    PackedElementFieldNumericType,
-    Pose,
-    Quaternion,
-    Vector2,
-    Vector3,
-)
+from foxglove.messages import Grid, PackedElementField, PackedElementFieldNumericType, Vector2
 
 from ..scene.freemap import Freemap
 from .recording import Contents, Recording, nanoseconds, timestamp
-from .topics import WORLD_FRAME, Write
+from .topics import WORLD_FRAME, Write, pose
 
 MAP_TOPIC = "/map"
 ROBOT_TOPIC = "/robot"
@@ -59,15 +51,15 @@ def shown_messages(recording: Recording, shown: ShownTopic) -> Iterator[Write]:
 
 def extract_shown(contents: Contents) -> tuple[ShownTopic, ...]:
     """Return the topics that a file has of `TOPICS`."""
-    found = []
+    topics = []
     for topic in TOPICS:
         messages = contents.messages.get(topic)
         if not messages:
             continue
         schema = contents.schemas[contents.channels[messages[0].channel_id].schema_id]
         data = tuple((message.log_time, bytes(message.data)) for message in messages)
-        found.append(ShownTopic(topic, schema.name, schema.data, data))
-    return tuple(found)
+        topics.append(ShownTopic(topic, schema.name, schema.data, data))
+    return tuple(topics)
 
 
 # RGBA. Where there is no floor the map is clear.
@@ -90,9 +82,7 @@ def map_topic(freemap: Freemap) -> ShownTopic:
     grid = Grid(
         timestamp=timestamp(0.0),
         frame_id=WORLD_FRAME,
-        pose=Pose(
-            position=Vector3(x=x, y=y, z=z), orientation=Quaternion(x=0.0, y=0.0, z=0.0, w=1.0)
-        ),
+        pose=pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0])),
         column_count=columns,
         cell_size=Vector2(x=freemap.grid.cell_m, y=freemap.grid.cell_m),
         row_stride=4 * columns,
@@ -101,6 +91,5 @@ def map_topic(freemap: Freemap) -> ShownTopic:
         data=colors.tobytes(),
     )
     schema = Grid.get_schema()
-    return ShownTopic(
-        MAP_TOPIC, schema.name, schema.data, ((nanoseconds(0.0), bytes(grid.encode())),)
-    )
+    message = nanoseconds(0.0), bytes(grid.encode())
+    return ShownTopic(MAP_TOPIC, schema.name, schema.data, (message,))

@@ -2,6 +2,7 @@
 
 import heapq
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import foxglove
 from foxglove.channels import (
@@ -35,8 +36,14 @@ POSE_TOPIC = "/base/pose"
 JOINT_TOPIC = "/joint_states"
 LOG_TOPIC = "/events"
 
-# A message to write: when, and how.
+# A message to write: its log time [ns], and how.
 Write = tuple[int, Callable[[], None]]
+
+
+def logged(channel: Any, time_s: float, message: Any) -> Write:
+    """Return how to log a message on a channel at a simulation time [s]."""
+    at = nanoseconds(time_s)
+    return at, lambda: channel.log(message, log_time=at)
 
 
 def vector(values: NDArray) -> Vector3:
@@ -49,6 +56,24 @@ def quaternion(quat_wxyz: NDArray) -> Quaternion:
     """Convert a quaternion wxyz to a message."""
     w, x, y, z = quat_wxyz.tolist()
     return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def pose(position_m: NDArray, quat_wxyz: NDArray) -> Pose:
+    """Convert a position (3,) [m] and a quaternion to a message."""
+    return Pose(position=vector(position_m), orientation=quaternion(quat_wxyz))
+
+
+def transform(
+    parent: str, child: str, time_s: float, position_m: NDArray, quat_wxyz: NDArray
+) -> FrameTransform:
+    """Return where a child frame lies in its parent at a time: (3,) [m] and quaternion."""
+    return FrameTransform(
+        timestamp=timestamp(time_s),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=vector(position_m),
+        rotation=quaternion(quat_wxyz),
+    )
 
 
 def write_in_order(*streams: Iterator[Write]) -> None:
@@ -69,72 +94,41 @@ def state_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
         context=recording.context,
     )
     for time_s, data in zip(rollout.time_s, encode_states(rollout), strict=True):
-        at = nanoseconds(time_s)
-        yield at, lambda data=data, at=at: channel.log(data, log_time=at)
+        yield logged(channel, time_s, data)
 
 
 def motion_messages(recording: Recording, rollout: Rollout, every: int) -> Iterator[Write]:
-    """Transform world → base, base pose and joint states of every `every`-th sample."""
+    """Yield transform world → base, base pose and joint states of every `every`-th sample."""
     transforms = FrameTransformsChannel(TRANSFORM_TOPIC, context=recording.context)
     poses = PoseInFrameChannel(POSE_TOPIC, context=recording.context)
     joints = JointStatesChannel(JOINT_TOPIC, context=recording.context)
-
-    def write(i: int, at: int) -> None:
-        stamp = timestamp(rollout.time_s[i])
-        position = vector(rollout.position_world_m[i])
-        rotation = quaternion(rollout.quat_wxyz[i])
-        transforms.log(
-            FrameTransforms(
-                transforms=[
-                    FrameTransform(
-                        timestamp=stamp,
-                        parent_frame_id=WORLD_FRAME,
-                        child_frame_id=BASE_FRAME,
-                        translation=position,
-                        rotation=rotation,
-                    )
-                ]
-            ),
-            log_time=at,
-        )
-        poses.log(
-            PoseInFrame(
-                timestamp=stamp,
-                frame_id=WORLD_FRAME,
-                pose=Pose(position=position, orientation=rotation),
-            ),
-            log_time=at,
-        )
-        joints.log(
-            JointStates(
-                timestamp=stamp,
-                joints=[
-                    JointState(name=name, position=q, velocity=v, effort=t)
-                    for name, q, v, t in zip(
-                        rollout.joint_names,
-                        rollout.joint_position_rad[i].tolist(),
-                        rollout.joint_velocity_rad_s[i].tolist(),
-                        rollout.joint_torque_nm[i].tolist(),
-                        strict=True,
-                    )
-                ],
-            ),
-            log_time=at,
-        )
-
     for i in range(0, len(rollout.time_s), every):
-        at = nanoseconds(rollout.time_s[i])
-        yield at, lambda i=i, at=at: write(i, at)
+        time_s, stamp = rollout.time_s[i], timestamp(rollout.time_s[i])
+        place = rollout.position_world_m[i], rollout.quat_wxyz[i]
+        base = transform(WORLD_FRAME, BASE_FRAME, time_s, *place)
+        yield logged(transforms, time_s, FrameTransforms(transforms=[base]))
+        message = PoseInFrame(timestamp=stamp, frame_id=WORLD_FRAME, pose=pose(*place))
+        yield logged(poses, time_s, message)
+        states = [
+            JointState(name=name, position=q, velocity=v, effort=t)
+            for name, q, v, t in zip(
+                rollout.joint_names,
+                rollout.joint_position_rad[i].tolist(),
+                rollout.joint_velocity_rad_s[i].tolist(),
+                rollout.joint_torque_nm[i].tolist(),
+                strict=True,
+            )
+        ]
+        yield logged(joints, time_s, JointStates(timestamp=stamp, joints=states))
 
 
 def event_messages(recording: Recording, rollout: Rollout) -> Iterator[Write]:
-    """Return events as log messages; the last one says how the episode ended."""
+    """Yield events as log messages; the last one says how the episode ended."""
     channel = LogChannel(LOG_TOPIC, context=recording.context)
 
     def log(time_s: float, level: LogLevel, text: str, name: str) -> Write:
-        at = nanoseconds(time_s)
         message = Log(timestamp=timestamp(time_s), level=level, message=text, name=name)
-        return at, lambda: channel.log(message, log_time=at)
+        return logged(channel, time_s, message)
 
     for event in sorted(rollout.events, key=lambda event: event.time_s):
         text = f"{event.kind}: {event.detail}" if event.detail else event.kind
