@@ -11,17 +11,14 @@ class ScanConfig:
 
     Attributes:
         voxel_m: side of a fusion voxel.
-        view_px: width and height of one depth view.
-        view_hfov_deg: its horizontal field of view.
+        view_px, view_hfov_deg: width and height of a depth view, and its horizontal field of view.
         station_spacing_m: distance between the places where the scanner stops.
         noise_m, noise_per_m2: standard deviation of a depth reading at distance d is
             `noise_m + noise_per_m2 * d²`.
         pose_noise_m, pose_noise_deg: standard deviation of the error of each view's pose.
         target_faces: the fused mesh is decimated to about so many triangles.
-        texel_m: side of a texel on walls and furniture.
-        floor_texel_m: side of a texel on floors.
-        page_px: largest side of a texture page.
-        jpeg_quality: of the embedded pages.
+        texel_m, floor_texel_m: side of a texel on walls and furniture, and on floors.
+        page_px, jpeg_quality: largest side of a texture page, and its quality in the file.
         light_rays: hemisphere rays per point of the baked light.
     """
 
@@ -49,8 +46,7 @@ class ApartmentConfig:
         kind: `apartment`, `villa`, `house` or `office`.
         area_m2: least and greatest floor area, of all storeys together.
         rooms: least and greatest number of rooms, hallways included; apartments ignore it.
-        door_width_m: least and greatest clear width of a doorway.
-        door_height_m: clear height of a doorway.
+        door_width_m: least and greatest clear width of a doorway; `door_height_m` its height.
         ceiling_m: least and greatest room height.
         wall_m: thickness of a wall.
         robot_radius_m: every room is reachable for a disc of this radius.

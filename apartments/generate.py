@@ -1,8 +1,5 @@
 """The built-in scenes: build one, scan it, write the scan and its truth."""
 
-import json
-import logging
-from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
@@ -10,13 +7,12 @@ import cv2
 import numpy as np
 
 from ..formats.core.arrays import I32, U8, Array
-from ..formats.core.frames import world_to_habitat_position
 from ..formats.core.threads import beside
 from ..geometry.fusion.surface import ScanMesh, extract
-from .building.build import build_scene
 from .building.true_scene import TrueScene
 from .config import ApartmentConfig
 from .glb import GlbNode, write_glb
+from .output import LICENCE, Progress, begin, scan_pose, to_source, write_labels
 from .scanner.atlas import Charts, Packing, cut, pack
 from .scanner.bake import Baker, ChartVertices, chart_vertices, page_corners
 from .scanner.fusion import fuse
@@ -24,14 +20,12 @@ from .scanner.lookup import label_faces
 from .scanner.tracing import Tracer
 from .truth import write_truth
 
-_log = logging.getLogger(__name__)
-
 
 def generate_scan(
     seed: int,
     out_dir: Path,
     config: ApartmentConfig = ApartmentConfig(),  # noqa: B008  (frozen)
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
 ) -> Path:
     """Generate the building of `seed` and scan it.
 
@@ -51,10 +45,7 @@ def generate_scan(
     Raises:
         ValueError: `config` admits no building.
     """
-    report = progress or _log.info
-    rng = np.random.default_rng(seed)
-    report(f"building the {config.kind}")
-    scene = build_scene(rng, config)
+    rng, scene, report = begin(seed, config, progress)
     tracer = Tracer(scene.shape.corners)
     report("scanning")
     volume = fuse(rng, scene, tracer, config.scan)
@@ -80,28 +71,14 @@ def generate_scan(
     ]
     report("writing")
     nodes = _nodes(scene, mesh, label, charts, packing, split, pose)
-    write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": "Apache-2.0"})
+    write_glb(out_dir / "scan.glb", nodes, pages, {"seed": seed, "licence": LICENCE})
     write_labels(out_dir / "scan.labels.json", scene, pose)
     return out_dir / "scan.glb"
 
 
-def scan_pose(config: ApartmentConfig) -> Array:
-    """Return (4, 4) from world to the scanner's (z up) frame; identity by default."""
-    c, s = np.cos(np.deg2rad(config.scan_tilt_deg)), np.sin(np.deg2rad(config.scan_tilt_deg))
-    pose = np.eye(4)
-    pose[:3, :3] = [[1, 0, 0], [0, c, -s], [0, s, c]]
-    pose[:3, 3] = -pose[:3, :3] @ np.asarray(config.scan_offset_m)
-    return pose
-
-
 def _texel_sizes(scene: TrueScene, config: ApartmentConfig) -> Array:
-    fine = {"floor", "rug"}
-    return np.array(
-        [
-            config.scan.floor_texel_m if o.category in fine else config.scan.texel_m
-            for o in scene.objects
-        ]
-    )
+    fine = [o.category in ("floor", "rug") for o in scene.objects]
+    return np.where(fine, config.scan.floor_texel_m, config.scan.texel_m)
 
 
 def encode_page(image: U8, quality: int) -> bytes:
@@ -125,8 +102,7 @@ def _nodes(
     uv = np.zeros((len(split.vertex), 2))
     uv[split.face.ravel()] = corner.reshape(-1, 2)
     # Rounded once for all nodes, so that equal positions stay equal after the split.
-    moved = mesh.vertices @ pose[:3, :3].T + pose[:3, 3]
-    points = world_to_habitat_position(moved).astype(np.float32)
+    points = to_source(mesh.vertices, pose).astype(np.float32)
     order = np.argsort(label, kind="stable")
     starts = np.searchsorted(label[order], np.arange(len(scene.objects) + 1))
     nodes = []
@@ -136,49 +112,7 @@ def _nodes(
             continue
         used, faces = np.unique(split.face[triangles], return_inverse=True)
         page = int(packing.page[charts.chart[triangles[0]]])
-        nodes.append(
-            GlbNode(
-                thing.name,
-                points[split.vertex[used]],
-                (uv[used] / packing.page_size[page]).astype(np.float32),
-                faces.reshape(-1, 3).astype(np.uint32),
-                page,
-            )
-        )
+        vertices, triangles = points[split.vertex[used]], faces.reshape(-1, 3).astype(np.uint32)
+        page_uv = (uv[used] / packing.page_size[page]).astype(np.float32)
+        nodes.append(GlbNode(thing.name, vertices, page_uv, triangles, page))
     return nodes
-
-
-def write_labels(path: Path, scene: TrueScene, pose: Array) -> None:
-    """Write the bounds of every object and room, in the coordinates of the scan.
-
-    Args:
-        pose: (4, 4) from world to the scanner's frame; see `scan_pose`.
-    """
-    content = {"frame": "source", "objects": _labels(scene, pose)}
-    path.write_text(json.dumps(content, indent=1) + "\n")
-
-
-def _labels(scene: TrueScene, pose: Array) -> list[dict]:
-    things = [(o.name, o.category, o.lower_m, o.upper_m) for o in scene.objects]
-    counts: dict[str, int] = {}
-    rooms = [(plan, room) for plan in scene.storeys for room in plan.rooms]
-    for plan, room in rooms:
-        stem = "Room_" + room.kind.replace("'", "").replace(" ", "_")
-        counts[stem] = counts.get(stem, 0) + 1
-        low = (*room.lower_m, plan.floor_z_m)
-        high = (*room.upper_m, plan.floor_z_m + plan.ceiling_m)
-        things.append((f"{stem}_{counts[stem]}", f"room:{room.kind}", low, high))
-    result = []
-    for name, category, low, high in things:
-        ends = np.array([low, high])
-        box = np.array([[ends[i, 0], ends[j, 1], ends[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
-        source = world_to_habitat_position(box @ pose[:3, :3].T + pose[:3, 3])
-        result.append(
-            {
-                "name": name,
-                "category": category,
-                "lower": np.round(source.min(0), 4).tolist(),
-                "upper": np.round(source.max(0), 4).tolist(),
-            }
-        )
-    return result

@@ -3,8 +3,6 @@
 Not imported by the package, so that an edit of it does not scan buildings as meshes again.
 """
 
-import logging
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,15 +11,13 @@ from ..formats.core.frames import HABITAT_TO_WORLD, quat_to_matrix
 from ..formats.splats.ply import write_ply_splats
 from ..formats.splats.record import GaussianCloud
 from ..geometry.fusion.surface import ScanMesh
-from .building.build import build_scene
 from .config import ApartmentConfig
-from .generate import scan_pose, write_labels
+from .output import LICENCE, Progress, begin, scan_pose, write_labels
 from .scanner.splat_faults import with_faults
 from .scanner.splats import place_splats
 from .scanner.tracing import Tracer
 from .truth import write_truth
 
-_log = logging.getLogger(__name__)
 # Gaussians on surfaces.
 SPLATS = 1_200_000
 
@@ -30,39 +26,23 @@ def generate_splats(
     seed: int,
     out_dir: Path,
     config: ApartmentConfig = ApartmentConfig(),  # noqa: B008  (frozen)
-    progress: Callable[[str], None] | None = None,
+    progress: Progress | None = None,
     count: int = SPLATS,
 ) -> Path:
-    """Generate the building of `seed` and capture it as Gaussian splats.
+    """Generate the building of `seed` and capture it as about `count` Gaussian splats.
 
-    Writes into the existing folder `out_dir`: `scan.ply` (3D Gaussian splatting, y up, metres),
-    `scan.labels.json` and `truth.npz` as `generate_scan` does, whose building is the same.
-
-    Args:
-        seed: at least 0; every seed is another building.
-        out_dir: where to write.
-        config: what to build; see `building_config`.
-        progress: called with the name of each step as it begins.
-        count: about so many Gaussians on surfaces.
-
-    Returns:
-        Path of `scan.ply`.
-
-    Raises:
-        ValueError: `config` admits no building.
+    Writes `scan.ply` (3D Gaussian splatting, y up, metres), `scan.labels.json` and `truth.npz` as
+    `generate_scan` does, whose building is the same, and returns the path of `scan.ply`.
     """
-    report = progress or _log.info
-    rng = np.random.default_rng(seed)
-    report(f"building the {config.kind}")
-    scene = build_scene(rng, config)
+    rng, scene, report = begin(seed, config, progress)
     report("placing Gaussians")
     cloud = place_splats(rng, scene, Tracer(scene.shape.corners), config.scan, count)
     seen = floor_patches(cloud)
     cloud, faults = with_faults(rng, scene, cloud)
     report(f"writing {len(cloud):,} Gaussians, {faults.floaters:,} of them floaters")
     pose = scan_pose(config)
-    moved = cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD) @ pose)
-    write_ply_splats(out_dir / "scan.ply", moved, ("licence Apache-2.0", f"seed {seed}"))
+    in_file = cloud.transformed(np.linalg.inv(HABITAT_TO_WORLD) @ pose)
+    write_ply_splats(out_dir / "scan.ply", in_file, (f"licence {LICENCE}", f"seed {seed}"))
     write_labels(out_dir / "scan.labels.json", scene, pose)
     write_truth(out_dir / "truth.npz", scene.storeys, seen, pose)
     return out_dir / "scan.ply"
@@ -74,6 +54,5 @@ def floor_patches(cloud: GaussianCloud) -> ScanMesh:
     flat = np.abs(axes[:, 2, 2]) > 0.9
     reach = 2 * cloud.scale[flat, :1]
     center = cloud.position[flat]
-    corners = [center + reach * np.array(way) for way in ((-1, -1, 0), (1, -1, 0), (0, 1, 0))]
-    vertices = np.stack(corners, axis=1).reshape(-1, 3).astype(np.float64)
-    return ScanMesh(vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3))
+    corners = [center + reach * np.array(to) for to in ((-1, -1, 0), (1, -1, 0), (0, 1, 0))]
+    return ScanMesh.of_corners(np.stack(corners, axis=1).astype(np.float64))

@@ -1,4 +1,4 @@
-"""Writes a binary glTF of textured, named nodes.
+"""Write a binary glTF of textured, named nodes.
 
 trimesh's exporter compresses embedded JPEG images again at its default quality; here the pages go
 into the file as they were encoded.
@@ -7,10 +7,11 @@ into the file as they were encoded.
 from dataclasses import dataclass
 from pathlib import Path
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.arrays import F32
+from ..formats.core.arrays import F32, U8
 from ..formats.untrusted.glb import glb_bytes
 
 _FLOAT, _UINT = 5126, 5125
@@ -64,6 +65,14 @@ class _Buffer:
         return len(self.accessors) - 1
 
 
+def encode_page(image: U8, quality: int) -> bytes:
+    """Return an RGB image (rows, columns, 3) as JPEG of the given quality (0–100)."""
+    done, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not done:
+        raise ValueError(f"cannot encode a texture page of shape {image.shape} as JPEG")
+    return data.tobytes()
+
+
 def write_glb(
     path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict, *, tiled: bool = False
 ) -> None:
@@ -81,27 +90,18 @@ def write_glb(
         position = buffer.accessor(node.vertices.astype("<f4"), "VEC3", _FLOAT, _ARRAY)
         uv = buffer.accessor(node.uv.astype("<f4"), "VEC2", _FLOAT, _ARRAY)
         index = buffer.accessor(node.faces.astype("<u4").ravel(), "SCALAR", _UINT, _ELEMENTS)
-        primitive = {
-            "attributes": {"POSITION": position, "TEXCOORD_0": uv},
-            "indices": index,
-            "material": node.page,
-        }
+        attributes = {"POSITION": position, "TEXCOORD_0": uv}
+        primitive = {"attributes": attributes, "indices": index, "material": node.page}
         if meshes and meshes[-1]["name"] == node.name:
             meshes[-1]["primitives"].append(primitive)
         else:
             meshes.append({"name": node.name, "primitives": [primitive]})
     images = [{"bufferView": buffer.view(page), "mimeType": "image/jpeg"} for page in pages]
+    matte = {"metallicFactor": 0.0, "roughnessFactor": 1.0}
+    colors = [{"baseColorTexture": {"index": k}, **matte} for k in range(len(pages))]
     materials = [
-        {
-            "name": f"page_{k}",
-            "doubleSided": True,
-            "pbrMetallicRoughness": {
-                "baseColorTexture": {"index": k},
-                "metallicFactor": 0.0,
-                "roughnessFactor": 1.0,
-            },
-        }
-        for k in range(len(pages))
+        {"name": f"page_{k}", "doubleSided": True, "pbrMetallicRoughness": color}
+        for k, color in enumerate(colors)
     ]
     tree = {
         "asset": {"version": "2.0", "generator": "vlnpe", "extras": extras},

@@ -1,10 +1,10 @@
-"""Draws floor plans until one fits: right area and rooms, every room joined to the others."""
+"""Draw floor plans until one fits: right area and rooms, every room joined to the others."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...formats.core.errors import UnknownNameError
+from ...formats.core.errors import check_name
 from ..config import ApartmentConfig
 from .large_partition import VILLAS, house, office
 from .openings import Openings, contact
@@ -24,24 +24,6 @@ _COLUMN_M, _COLUMN_SPACING_M = 0.45, 6.0
 _SLAB_M = 0.3
 
 
-def draw_plan(rng: np.random.Generator, config: ApartmentConfig) -> FloorPlan:
-    """Return a random apartment with `config`'s area and door sizes.
-
-    Raises:
-        ValueError: the configuration admits no home.
-    """
-    names = sorted(FAMILIES)
-    for _ in range(_TRIES):
-        cells = oriented(rng, FAMILIES[names[rng.integers(len(names))]](rng))
-        plan = _home(rng, cells, config)
-        if plan is not None:
-            return plan
-    raise ValueError(
-        f"no home of {config.area_m2} m² with doors of {config.door_width_m} m found; "
-        "valid: ranges inside 80 … 150 m² and 0.8 … 1.0 m"
-    )
-
-
 def draw_storeys(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
     """Return the storeys of a random building of `config.kind`, lowest first.
 
@@ -49,27 +31,46 @@ def draw_storeys(rng: np.random.Generator, config: ApartmentConfig) -> tuple[Flo
         UnknownNameError: there is no such kind.
         ValueError: the configuration admits no such building.
     """
-    draw = {"villa": _villa, "house": _house, "office": _office}
-    if config.kind == "apartment":
-        return (draw_plan(rng, config),)
-    if config.kind not in draw:
-        raise UnknownNameError("kind of building", config.kind, ("apartment", *draw))
+    draw = {"apartment": _apartment, "villa": _villa, "house": _house, "office": _office}
+    check_name("kind of building", config.kind, draw)
     for _ in range(_TRIES):
         storeys = draw[config.kind](rng, config)
-        area = sum(storey.area_m2 for storey in storeys)
-        if storeys and config.area_m2[0] <= area <= config.area_m2[1]:
+        if storeys and _has_area([r for storey in storeys for r in storey.rooms], config):
             return storeys
+    hint = "; valid: ranges inside 80 … 150 m² and 0.8 … 1.0 m"
     raise ValueError(
-        f"no {config.kind} of {config.area_m2} m² with doors of {config.door_width_m} m found"
+        f"no {config.kind} of {config.area_m2} m² with doors of {config.door_width_m} m exists"
+        f"{hint if config.kind == 'apartment' else ''}"
     )
 
 
-def _home(rng: np.random.Generator, cells: list[Cell], config: ApartmentConfig) -> FloorPlan | None:
+def _has_area(rooms: Sequence[Room], config: ApartmentConfig) -> bool:
+    return config.area_m2[0] <= sum(room.area_m2 for room in rooms) <= config.area_m2[1]
+
+
+def _apartment(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
+    return _home(rng, _draw_cells(rng, FAMILIES), config)
+
+
+def _villa(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
+    cells = _draw_cells(rng, VILLAS)
+    fits = config.rooms[0] <= len(cells) <= config.rooms[1]
+    return _home(rng, cells, config) if fits else ()
+
+
+def _draw_cells(
+    rng: np.random.Generator, families: dict[str, Callable[[np.random.Generator], list[Cell]]]
+) -> list[Cell]:
+    names = sorted(families)
+    return oriented(rng, families[names[rng.integers(len(names))]](rng))
+
+
+def _home(
+    rng: np.random.Generator, cells: list[Cell], config: ApartmentConfig
+) -> tuple[FloorPlan, ...]:
     rooms = _rooms(cells, _kinds(rng, cells), config)
-    area = sum(room.area_m2 for room in rooms)
-    if not config.area_m2[0] <= area <= config.area_m2[1]:
-        return None
-    return _opened(rng, rooms, config)
+    plan = _opened(rng, rooms, config) if _has_area(rooms, config) else None
+    return (plan,) if plan else ()
 
 
 def _rooms(cells: list[Cell], kinds: list[str], config: ApartmentConfig) -> list[Room]:
@@ -130,15 +131,6 @@ def _kinds(rng: np.random.Generator, cells: list[Cell]) -> list[str]:
     return kinds
 
 
-def _villa(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
-    names = sorted(VILLAS)
-    cells = oriented(rng, VILLAS[names[rng.integers(len(names))]](rng))
-    if not config.rooms[0] <= len(cells) <= config.rooms[1]:
-        return ()
-    plan = _home(rng, cells, config)
-    return (plan,) if plan else ()
-
-
 def _house(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
     parts = house(rng)
     if not config.rooms[0] <= sum(map(len, parts)) <= config.rooms[1]:
@@ -156,14 +148,8 @@ def _house(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan
     for k in sorted(range(len(upper)), key=lambda k: -_area(upper[k])):
         kinds[k] = kinds[k] or names.pop(0)
     rooms = _rooms(upper, kinds, config)
-    first = _opened(
-        rng,
-        rooms,
-        config,
-        blocks=[upper_void(rooms, stairs)],
-        ceiling_m=ceiling,
-        floor_z_m=ceiling + _SLAB_M,
-    )
+    height = {"ceiling_m": ceiling, "floor_z_m": ceiling + _SLAB_M}
+    first = _opened(rng, rooms, config, blocks=[upper_void(rooms, stairs)], **height)
     return (ground, first) if ground and first else ()
 
 

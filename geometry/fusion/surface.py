@@ -36,6 +36,12 @@ class ScanMesh:
     vertices: Array
     faces: I32
 
+    @staticmethod
+    def of_corners(corners_m: Array) -> "ScanMesh":
+        """Return the mesh of loose triangles (F, 3, 3) [m]."""
+        faces = np.arange(3 * len(corners_m), dtype=np.int32).reshape(-1, 3)
+        return ScanMesh(corners_m.reshape(-1, 3), faces)
+
     def normals(self) -> tuple[Array, Array]:
         """Return unit normals (F, 3) and areas (F,) [m²]."""
         return triangle_normals_and_areas(self.vertices[self.faces])

@@ -8,7 +8,7 @@ from scipy.ndimage import label
 
 from tests.support.scenes.homes import exact_freemap, joined
 from vlnpe.apartments import ApartmentConfig, TrueScene, build_scene
-from vlnpe.apartments.building.planner import draw_plan
+from vlnpe.apartments.building.planner import draw_storeys
 from vlnpe.wayfinding.distance import distance_field
 
 CONFIG = ApartmentConfig()
@@ -25,7 +25,7 @@ def home(request: pytest.FixtureRequest) -> TrueScene:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_plan_is_a_home(seed: int) -> None:
-    plan = draw_plan(np.random.default_rng(seed), CONFIG)
+    plan = draw_storeys(np.random.default_rng(seed), CONFIG)[0]
     kinds = Counter(room.kind for room in plan.rooms)
     assert len(plan.rooms) >= 4
     assert {"kitchen", "living room", "bathroom", "bedroom"} <= set(kinds)
@@ -42,7 +42,7 @@ def test_plan_is_a_home(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(40))
 def test_rooms_and_openings_do_not_overlap(seed: int) -> None:
-    plan = draw_plan(np.random.default_rng(seed), CONFIG)
+    plan = draw_storeys(np.random.default_rng(seed), CONFIG)[0]
     for i, a in enumerate(plan.rooms):
         for b in plan.rooms[:i]:
             gap = np.maximum(np.array(a.lower_m) - b.upper_m, np.array(b.lower_m) - a.upper_m)
@@ -55,7 +55,7 @@ def test_rooms_and_openings_do_not_overlap(seed: int) -> None:
 
 def test_impossible_area_is_refused() -> None:
     with pytest.raises(ValueError, match="80 … 150"):
-        draw_plan(np.random.default_rng(0), ApartmentConfig(area_m2=(700.0, 800.0)))
+        draw_storeys(np.random.default_rng(0), ApartmentConfig(area_m2=(700.0, 800.0)))
 
 
 @pytest.mark.chain
@@ -119,7 +119,7 @@ def test_textures_are_sharp(home: TrueScene) -> None:
 
 
 def test_seeds_give_different_homes() -> None:
-    plans = [draw_plan(np.random.default_rng(seed), CONFIG) for seed in range(8)]
+    plans = [draw_storeys(np.random.default_rng(seed), CONFIG)[0] for seed in range(8)]
     assert len({tuple(round(v, 1) for r in p.rooms for v in r.upper_m) for p in plans}) == 8
     assert len({tuple(sorted(r.kind for r in p.rooms)) for p in plans}) >= 3
 
