@@ -4,20 +4,9 @@ import numpy as np
 
 from ..materials.kit import Kit
 from .furniture import decor
-from .furniture.piece import Arrangement, Piece
+from .furniture.piece import Piece, alone
 from .plan import SIDES, Opening
 from .space import RoomSpace, at_wall, overlaps
-
-
-def _strip(
-    space: RoomSpace, axis: int, sign: int, s0: float, s1: float, depth: float
-) -> np.ndarray:
-    """Return (2, 2) rectangle along a wall."""
-    face = space.room.wall_at(axis, sign)
-    zone = np.empty((2, 2))
-    zone[:, axis] = sorted((face, face - sign * depth))
-    zone[:, 1 - axis] = s0, s1
-    return zone
 
 
 def _highest(space: RoomSpace, zone: np.ndarray) -> float:
@@ -58,7 +47,7 @@ def windows(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
         width = hole.end_m - hole.start_m
         if hole.bottom_m > 0.6 and kind != "kitchen":
             heater = decor.radiator(kit, min(width * 0.8, 1.2), min(0.62, hole.bottom_m - 0.15))
-            item = Arrangement((heater,), 0.0, on_window=True)
+            item = alone(heater, 0.0, on_window=True)
             placed = at_wall(space, item, hole.axis, hole.sign, (hole.start_m + hole.end_m) / 2)
             if space.fits(placed):
                 space.place(placed)
@@ -74,18 +63,15 @@ def _curtains(space: RoomSpace, kit: Kit, hole: Opening, k: int) -> list[Piece]:
     start, end = space.room.span(hole.axis)
     for s0 in (hole.start_m - 0.24, hole.end_m - 0.1):
         s1 = s0 + gather
-        zone = _strip(space, hole.axis, hole.sign, s0, s1, 0.13)
-        if (
-            s0 < start + 0.02
-            or s1 > end - 0.02
-            or any(overlaps(zone, z) for z in space.kept[: len(space.entrances)])
-        ):
+        zone = space.room.strip(hole.axis, hole.sign, (s0, s1), 0.13)
+        at_door = any(overlaps(zone, z) for z in space.reserved[: len(space.entrances)])
+        if s0 < start + 0.02 or s1 > end - 0.02 or at_door:
             continue
         under = _highest(space, zone)
         bottom = 0.03 if under == 0.0 else max(under + 0.03, hole.bottom_m - 0.1)
         if bottom > hole.bottom_m + 0.2:
             continue
-        cloth = Arrangement((decor.curtain(kit, gather, bottom, top, k),), 0.0, on_window=True)
+        cloth = alone(decor.curtain(kit, gather, bottom, top, k), 0.0, on_window=True)
         placed = at_wall(space, cloth, hole.axis, hole.sign, (s0 + s1) / 2)
         if bottom > 0.1 or space.passable(placed.footprints()):
             space.place(placed)
@@ -93,7 +79,7 @@ def _curtains(space: RoomSpace, kit: Kit, hole: Opening, k: int) -> list[Piece]:
     if pieces:
         middle = (hole.start_m + hole.end_m) / 2
         width = min(hole.end_m - hole.start_m + 0.6, 2 * min(middle - start, end - middle) - 0.02)
-        rail = Arrangement((decor.curtain_rod(kit, width, top),), 0.0)
+        rail = alone(decor.curtain_rod(kit, width, top), 0.0)
         pieces += at_wall(space, rail, hole.axis, hole.sign, middle).pieces
     return pieces
 
@@ -101,18 +87,17 @@ def _curtains(space: RoomSpace, kit: Kit, hole: Opening, k: int) -> list[Piece]:
 def wall_hangings(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return the pictures and the like on free stretches of wall, above low furniture."""
     pieces: list[Piece] = []
-    taken: list[np.ndarray] = []
+    occupied: list[np.ndarray] = []
     kind = space.room.kind
     if kind == "hallway":
-        todo = [decor.coat_rack, decor.mirror, *[decor.picture] * 4]
+        makers = [decor.coat_rack, decor.mirror, *[decor.picture] * 4]
     elif kind == "bathroom":
-        todo = [decor.picture]
+        makers = [decor.picture]
     else:
-        todo = [decor.clock] if rng.random() < 0.5 else []
-        if kind == "bedroom":
-            todo.append(decor.mirror)
-        todo += [decor.picture] * int(np.clip(space.room.area_m2 / 3.2, 2, 7))
-    for make in todo:
+        makers = [decor.clock] if rng.random() < 0.5 else []
+        makers += [decor.mirror] if kind == "bedroom" else []
+        makers += [decor.picture] * int(np.clip(space.room.area_m2 / 3.2, 2, 7))
+    for make in makers:
         piece = make(kit, rng)
         (x0, _, z0), (x1, _, z1) = piece.shape.bounds()
         half = float(x1 - x0) / 2
@@ -122,25 +107,23 @@ def wall_hangings(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[
             if end - start < 2 * half + 0.4:
                 continue
             s = float(rng.uniform(start + half + 0.15, end - half - 0.15))
-            zone = _strip(space, axis, sign, s - half - 0.08, s + half + 0.08, 0.3)
+            zone = space.room.strip(axis, sign, (s - half - 0.08, s + half + 0.08), 0.3)
             holes = space.plan.side(space.index, axis, sign)
             if any(h.start_m - 0.14 < s + half and h.end_m + 0.14 > s - half for h in holes):
                 continue
-            if any(overlaps(zone, other) for other in taken):
+            if any(overlaps(zone, other) for other in occupied):
                 continue
             eye = {"Mirror": 1.05, "Coat_rack": 1.7}.get(piece.name, 1.55)
             middle = max(eye, _highest(space, zone) + 0.12 - float(z0))
             if middle + float(z1) > min(2.15, space.plan.ceiling_m - 0.2):
                 continue
-            item = Arrangement((piece.moved(z_m=middle),), 0.0, on_window=True)
-            placed = at_wall(space, item, axis, sign, s)
-            flat = placed.pieces[0].moved(0.0)
+            placed = at_wall(space, alone(piece.moved(z_m=middle), 0.0, True), axis, sign, s)
             # Hung flat on the wall, not at furniture's distance from it.
-            gap = 0.02 - 0.001
             shift = np.zeros(2)
-            shift[axis] = sign * gap
+            shift[axis] = sign * (0.02 - 0.001)
+            flat = placed.pieces[0].moved(0.0)
             pieces.append(flat.moved(0.0, float(shift[0]), float(shift[1])))
-            taken.append(zone)
+            occupied.append(zone)
             if piece.name == "Coat_rack":
                 space.place(placed)
             break

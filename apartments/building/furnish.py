@@ -1,6 +1,6 @@
-"""What stands in the rooms of a home, and which function furnishes which room."""
+"""Furnish the rooms of a home, and choose the function that furnishes each kind of room."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 
@@ -8,46 +8,35 @@ from ..materials.kit import Kit
 from . import furnish_office
 from .furniture import bath, beds, decor, kitchen, seating, storage, tables
 from .furniture.piece import Arrangement, Piece, alone
-from .space import RoomSpace, put_at_walls, try_middle, try_wall
+from .space import RoomSpace, first_at_wall, first_in_middle, put_at_walls, try_wall
 
 _LARGE_LIVING_ROOM_M2 = 44.0
 
 Furnisher = Callable[[RoomSpace, Kit, np.random.Generator], list[Piece]]
 
 
-def _middle(
+def _dining_set(
     space: RoomSpace, kit: Kit, rng: np.random.Generator, sizes: tuple[int, ...]
 ) -> list[Piece]:
     """Return the largest dining set that fits, free in the room; none if none fits."""
-    for seats in sizes:
-        found = try_middle(space, rng, tables.dining_set(kit, rng, seats), 36)
-        if found is not None:
-            return list(found.pieces)
-    return []
-
-
-def _either(
-    space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement]
-) -> list[Piece]:
-    """Return the first of `items` that fits at a wall."""
-    for item in items:
-        found = try_wall(space, rng, item, tries=20)
-        if found is not None:
-            return list(found[3].pieces)
-    return []
+    sets = (tables.dining_set(kit, rng, seats) for seats in sizes)
+    return first_in_middle(space, rng, sets, 36)
 
 
 def _wardrobe(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return the widest wardrobe that fits."""
-    return _either(space, rng, (alone(storage.wardrobe(kit, rng, n), 0.6) for n in (4, 3, 2)))
+    return first_at_wall(space, rng, (alone(storage.wardrobe(kit, rng, n), 0.6) for n in (4, 3, 2)))
 
 
 def _rug(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return a rug in the free middle of the room."""
     size = np.minimum(space.room.size_m * rng.uniform(0.35, 0.5, 2), (2.4, 2.4))
-    item = Arrangement((decor.rug(kit, rng, float(size[0]), float(size[1])),), 0.0, wall=False)
-    center = space.bounds.mean(0)
-    return list(item.moved(0.0, float(center[0]), float(center[1])).pieces)
+    return [_centered(space, decor.rug(kit, rng, float(size[0]), float(size[1])))]
+
+
+def _centered(space: RoomSpace, piece: Piece) -> Piece:
+    x, y = space.bounds.mean(0).tolist()
+    return piece.moved(0.0, x, y)
 
 
 def _corner_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -61,21 +50,18 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
     """Return a sofa with coffee table and rug, a television, shelf, armchair, perhaps a table."""
     pieces: list[Piece] = []
     for seats in (3, 2):
-        couch = seating.sofa(kit, rng, seats)
-        depth = float(couch.shape.bounds()[1, 1])
-        table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
-        carpet = decor.rug(kit, rng, 2.3, 1.5).moved(0.0, 0.0, depth + 0.55)
-        found = try_wall(space, rng, Arrangement((couch, table, carpet), 0.5, on_window=True))
-        if found is not None:
-            pieces += found[3].pieces
-            axis, sign, along, _ = found
+        lounge = try_wall(space, rng, _lounge(kit, rng, seats, 0.5))
+        if lounge is not None:
+            pieces += lounge.item.pieces
             screen = Arrangement(tuple(storage.tv_stand(kit, rng, 1.7)), 0.5)
-            opposite = try_wall(space, rng, screen, [(axis, -sign)], along)
+            side = (lounge.axis, -lounge.sign)
+            opposite = try_wall(space, rng, screen, [side], lounge.along_m)
             small = Arrangement(tuple(storage.tv_stand(kit, rng, 1.15)), 0.3)
-            pieces += opposite[3].pieces if opposite else _either(space, rng, [screen, small])
+            screens = [screen, small]
+            pieces += opposite.item.pieces if opposite else first_at_wall(space, rng, screens)
             break
     if space.room.area_m2 > 21:
-        pieces += _middle(space, kit, rng, (4, 2))
+        pieces += _dining_set(space, kit, rng, (4, 2))
     items = [alone(storage.bookshelf(kit, rng), 0.4)]
     if rng.random() < 0.8:
         items.append(alone(seating.armchair(kit, rng), 0.4, on_window=True))
@@ -87,14 +73,19 @@ def living_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
     return pieces + _corner_things(space, kit, rng)
 
 
-def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
-    """Return what fills a living room that is larger than any apartment's."""
-    couch = seating.sofa(kit, rng, 2)
+def _lounge(kit: Kit, rng: np.random.Generator, seats: int, front_m: float) -> Arrangement:
+    """Return a sofa with a coffee table and a rug before it."""
+    couch = seating.sofa(kit, rng, seats)
     depth = float(couch.shape.bounds()[1, 1])
     table = tables.coffee_table(kit, rng).moved(0.0, 0.0, depth + 0.7)
     carpet = decor.rug(kit, rng, 2.3, 1.5).moved(0.0, 0.0, depth + 0.55)
+    return Arrangement((couch, table, carpet), front_m, on_window=True)
+
+
+def _second_lounge(kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
+    """Return what fills a living room that is larger than any apartment's."""
     return [
-        Arrangement((couch, table, carpet), 0.4, on_window=True),
+        _lounge(kit, rng, 2, 0.4),
         alone(storage.bookshelf(kit, rng), 0.4),
         alone(storage.bookshelf(kit, rng), 0.4),
         alone(seating.armchair(kit, rng), 0.4, on_window=True),
@@ -108,19 +99,16 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
     longest = float(space.room.size_m.max())
     # Windows may leave no wall for what is tall: then the refrigerator stands by itself.
     forms = ((True, True), (False, True), (False, False))
-    pieces = _either(
-        space,
-        rng,
-        (
-            kitchen.counter(kit, rng, width, upper, fridge)
-            for upper, fridge in forms
-            for width in (3.8, 3.3, 2.8, 2.4, 2.1)
-            if width < longest - 0.05
-        ),
+    counters = (
+        kitchen.counter(kit, rng, width, upper, fridge)
+        for upper, fridge in forms
+        for width in (3.8, 3.3, 2.8, 2.4, 2.1)
+        if width < longest - 0.05
     )
+    pieces = first_at_wall(space, rng, counters)
     if not any(piece.name == "Refrigerator" for piece in pieces):
         pieces += put_at_walls(space, rng, [alone(kitchen.refrigerator(kit), 0.5)])
-    pieces += _middle(space, kit, rng, (6, 4, 2) if rng.random() < 0.4 else (4, 2))
+    pieces += _dining_set(space, kit, rng, (6, 4, 2) if rng.random() < 0.4 else (4, 2))
     items = [alone(storage.sideboard(kit, rng), 0.4)] if rng.random() < 0.5 else []
     items.append(alone(storage.bin_(kit, rng), 0.1))
     return pieces + put_at_walls(space, rng, items) + _corner_things(space, kit, rng)[:1]
@@ -128,17 +116,16 @@ def kitchen_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[P
 
 def dining_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return a large table and a sideboard."""
-    pieces = _middle(space, kit, rng, (6, 4, 2))
-    pieces += put_at_walls(
-        space, rng, [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
-    )
+    pieces = _dining_set(space, kit, rng, (6, 4, 2))
+    items = [alone(storage.sideboard(kit, rng)), alone(storage.bookshelf(kit, rng))]
+    pieces += put_at_walls(space, rng, items)
     return pieces + _corner_things(space, kit, rng)
 
 
 def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return a double bed with nightstands, wardrobe, dresser, rug, a chair."""
     sizes = ((1.7, 2), (1.5, 2), (1.5, 1), (1.0, 1), (0.95, 0))
-    pieces = _either(space, rng, (beds.bed_set(kit, rng, *size) for size in sizes))
+    pieces = first_at_wall(space, rng, (beds.bed_set(kit, rng, *size) for size in sizes))
     pieces += _wardrobe(space, kit, rng)
     pieces += put_at_walls(space, rng, [alone(storage.dresser(kit, rng), 0.5)])
     extra = [seating.armchair, seating.pouf][int(rng.integers(2))](kit, rng)
@@ -148,7 +135,7 @@ def bedroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
 
 def childrens_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return a single bed, desk, bright shelf, toys."""
-    pieces = _either(space, rng, (beds.bed_set(kit, rng, 0.95, n) for n in (1, 0)))
+    pieces = first_at_wall(space, rng, (beds.bed_set(kit, rng, 0.95, n) for n in (1, 0)))
     pieces += _wardrobe(space, kit, rng)
     items = [
         tables.desk_set(kit, rng),
@@ -180,8 +167,7 @@ def bathroom(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece
         alone(storage.basket(kit, rng), 0.1),
     ]
     mat = decor.rug(kit, rng, 0.85, 0.55)
-    center = space.bounds.mean(0)
-    return [*put_at_walls(space, rng, items), mat.moved(0.0, float(center[0]), float(center[1]))]
+    return [*put_at_walls(space, rng, items), _centered(space, mat)]
 
 
 def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
@@ -191,8 +177,7 @@ def hallway(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]
     long = int(size[1] > size[0])
     length, width = float(min(size.max() * 0.6, 3.0)), float(min(0.45 * size.min(), 0.8))
     runner = decor.rug(kit, rng, length, width).moved(long * np.pi / 2)
-    center = space.bounds.mean(0)
-    return [*put_at_walls(space, rng, items), runner.moved(0.0, float(center[0]), float(center[1]))]
+    return [*put_at_walls(space, rng, items), _centered(space, runner)]
 
 
 def stairwell(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:

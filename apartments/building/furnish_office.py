@@ -1,11 +1,11 @@
-"""What stands in the rooms of an office."""
+"""Furnish the rooms of an office."""
 
 import numpy as np
 
 from ..materials.kit import Kit
 from .furniture import bath, decor, office, seating, storage
 from .furniture.piece import Arrangement, Piece, alone
-from .space import RoomSpace, overlaps, put_at_walls, try_middle
+from .space import RoomSpace, first_in_middle, overlaps, put_at_walls
 
 # Between two rows of desk islands people pass each other.
 _AISLE_M = 1.1
@@ -16,10 +16,8 @@ def open_office(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
     pieces: list[Piece] = []
     along = int(np.argmax(space.room.size_m))
     pairs = int(rng.integers(2, 4))
-    size = np.diff(
-        office.desk_island(kit, np.random.default_rng(0), pairs).bounds()[:, :2], axis=0
-    )[0]
-    size = size + 0.2
+    sample = office.desk_island(kit, np.random.default_rng(0), pairs)
+    size = np.diff(sample.bounds()[:, :2], axis=0)[0] + 0.2
     across_yaw = 0.5 * np.pi if along == 0 else 0.0
     if along == 0:
         size = size[::-1]
@@ -45,27 +43,20 @@ def open_office(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Pi
 
 def _wall_things(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Arrangement]:
     items = [alone(seating.sofa(kit, rng, 3), 0.6, on_window=True)]
-    for _ in range(int(space.room.area_m2 / 28)):
-        draw = int(rng.integers(4))
-        if draw == 0:
-            items.append(alone(storage.bookshelf(kit, rng), 0.9))
-        elif draw == 1:
-            items.append(alone(office.filing_cabinet(kit, rng, 3), 0.9))
-        elif draw == 2:
-            items.append(alone(decor.plant(kit, rng), 0.3, on_window=True))
-        else:
-            items.append(alone(storage.sideboard(kit, rng), 0.9, on_window=True))
+    choices = (
+        lambda: alone(storage.bookshelf(kit, rng), 0.9),
+        lambda: alone(office.filing_cabinet(kit, rng, 3), 0.9),
+        lambda: alone(decor.plant(kit, rng), 0.3, on_window=True),
+        lambda: alone(storage.sideboard(kit, rng), 0.9, on_window=True),
+    )
+    items += [choices[rng.integers(4)]() for _ in range(int(space.room.area_m2 / 28))]
     return items
 
 
 def meeting_room(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[Piece]:
     """Return a conference table with chairs, a television or a whiteboard, a plant."""
-    pieces: list[Piece] = []
-    for seats in (8, 6, 4):
-        found = try_middle(space, rng, office.conference_set(kit, rng, seats), 30)
-        if found is not None:
-            pieces += found.pieces
-            break
+    sets = (office.conference_set(kit, rng, seats) for seats in (8, 6, 4))
+    pieces = first_in_middle(space, rng, sets, 30)
     screen = Arrangement(tuple(storage.tv_stand(kit, rng, 1.4)), 0.2)
     items = [screen, alone(office.whiteboard(kit, rng), 0.2)]
     items.append(alone(decor.plant(kit, rng), 0.1, on_window=True))

@@ -1,6 +1,7 @@
 """Doorways, passages, the front door and windows of a floor plan."""
 
 from collections.abc import Sequence
+from itertools import permutations
 
 import numpy as np
 
@@ -9,19 +10,12 @@ from .partition import Cell
 from .plan import SIDES, Block, Opening, Room
 
 _DOOR_MARGIN_M = 0.22
-# A passage leaves this much wall at its ends and over its top, and is at most so wide.
-_PASSAGE_MARGIN_M, _LINTEL_M, _WIDEST_PASSAGE_M = 0.1, 0.2, 3.0
+# A passage leaves this much wall at its ends, and is at most so wide.
+_PASSAGE_MARGIN_M, _WIDEST_PASSAGE_M = 0.1, 3.0
 _PASSAGES = ({"hallway"}, {"hallway", "stairwell"}, {"hallway", "office"})
 _PUBLIC = {"hallway": 0, "living room": 1, "office": 1, "kitchen": 2, "dining room": 3}
-_PRIVATE = {
-    "bathroom",
-    "bedroom",
-    "study",
-    "children's room",
-    "meeting room",
-    "storeroom",
-    "stairwell",
-}
+_PRIVATE = {"bathroom", "bedroom", "study", "children's room"}
+_PRIVATE |= {"meeting room", "storeroom", "stairwell"}
 
 Span = tuple[float, float]
 
@@ -58,24 +52,16 @@ class Openings:
         self._contacts = self._find_contacts()
 
     def _find_contacts(self) -> dict[tuple[int, int], tuple[int, int, float, float]]:
-        wall_m = self._config.wall_m
+        half, pairs = self._config.wall_m / 2, {}
         cells: list[Cell] = [
-            (
-                "",
-                r.lower_m[0] - wall_m / 2,
-                r.lower_m[1] - wall_m / 2,
-                r.upper_m[0] + wall_m / 2,
-                r.upper_m[1] + wall_m / 2,
-            )
+            ("", r.lower_m[0] - half, r.lower_m[1] - half, r.upper_m[0] + half, r.upper_m[1] + half)
             for r in self._rooms
         ]
-        found = {}
-        for i in range(len(cells)):
-            for j in range(len(cells)):
-                if i != j and (common := contact(cells[i], cells[j])):
-                    axis, sign, start, end = common
-                    found[i, j] = (axis, sign, start + wall_m / 2, end - wall_m / 2)
-        return found
+        for i, j in permutations(range(len(cells)), 2):
+            if common := contact(cells[i], cells[j]):
+                axis, sign, start, end = common
+                pairs[i, j] = (axis, sign, start + half, end - half)
+        return pairs
 
     def _blocked(self, room: int, axis: int, sign: int) -> list[Span]:
         """Return the stretches of a room's side that stairs or a void lie against."""
@@ -93,24 +79,21 @@ class Openings:
         kinds = {self._rooms[k].kind for k in pair}
         if kinds == {"hallway", "stairwell"}:
             return axis, sign, start, end
-        taken = self._blocked(pair[0], axis, sign) + self._blocked(pair[1], axis, -sign)
-        spans = _gaps(start, end, taken)
+        occupied = self._blocked(pair[0], axis, sign) + self._blocked(pair[1], axis, -sign)
+        spans = _gaps(start, end, occupied)
         return (axis, sign, *max(spans, key=lambda s: s[1] - s[0], default=(start, start)))
 
     def doors(self) -> list[Opening] | None:
-        """Return a spanning tree of doorways through public rooms, plus some loops.
-
-        None if impossible.
-        """
+        """Return a spanning tree of doorways through public rooms, plus some loops, if possible."""
         rng, rooms, config = self._rng, self._rooms, self._config
         need = config.door_width_m[1] + 2 * _DOOR_MARGIN_M
         contacts = {pair: self._usable(pair) for pair in self._contacts}
         usable = {(i, j): c for (i, j), c in contacts.items() if i < j and c[3] - c[2] >= need}
         doors: list[Opening] = []
-        chosen = self._chosen(usable)
-        if chosen is None:
+        pairs = self._joined(usable)
+        if pairs is None:
             return None
-        for i, j in chosen:
+        for i, j in pairs:
             axis, sign, start, end = usable[i, j]
             if {rooms[i].kind, rooms[j].kind} in _PASSAGES:
                 spare = end - start - 2 * _PASSAGE_MARGIN_M
@@ -137,7 +120,7 @@ class Openings:
             Opening(kind, j, axis, -sign, *hole, other_room=i),
         ]
 
-    def _chosen(
+    def _joined(
         self, usable: dict[tuple[int, int], tuple[int, int, float, float]]
     ) -> list[tuple[int, int]] | None:
         """Return pairs of rooms to join so that all are reached, public rooms first."""
@@ -171,22 +154,19 @@ class Openings:
     ) -> list[Span]:
         """Return the stretches of a room's side that face the outside and hold no opening."""
         wall_m = self._config.wall_m
-        taken = [
+        occupied = [
             (c[2] - wall_m, c[3] + wall_m)
             for (i, _), c in self._contacts.items()
             if i == room and (c[0], c[1]) == (axis, sign)
         ]
-        taken += [
+        occupied += [
             (o.start_m, o.end_m) for o in openings if (o.room, o.axis, o.sign) == (room, axis, sign)
         ]
-        taken += self._blocked(room, axis, sign)
-        return _gaps(*self._rooms[room].span(axis), taken, 0.5)
+        occupied += self._blocked(room, axis, sign)
+        return _gaps(*self._rooms[room].span(axis), occupied, 0.5)
 
     def entry(self, doors: Sequence[Opening]) -> list[Opening]:
-        """Return the closed front door, in a hallway or the living room.
-
-        None without an outer wall.
-        """
+        """Return the closed front door, in a hallway or living room; none without an outer wall."""
         rng = self._rng
         for kind in ("hallway", "living room", "office"):
             for index in (k for k, room in enumerate(self._rooms) if room.kind == kind):
@@ -228,25 +208,16 @@ class Openings:
                         middle = start + length * (k + 0.5) / count
                         spare = max(length / count - width - 0.5, 0)
                         middle += float(rng.uniform(-0.5, 0.5)) * spare
-                        windows.append(
-                            Opening(
-                                "window",
-                                index,
-                                axis,
-                                sign,
-                                middle - width / 2,
-                                middle + width / 2,
-                                bottom,
-                                min(top, ceiling_m - 0.2),
-                            )
-                        )
+                        span = middle - width / 2, middle + width / 2
+                        height = bottom, min(top, ceiling_m - 0.2)
+                        windows.append(Opening("window", index, axis, sign, *span, *height))
         return windows
 
 
-def _gaps(start: float, end: float, taken: list[Span], least_m: float = 0.0) -> list[Span]:
-    """Return the stretches of start … end longer than `least_m` that no span of `taken` covers."""
+def _gaps(start: float, end: float, occupied: list[Span], least_m: float = 0.0) -> list[Span]:
+    """Return the stretches of start … end longer than `least_m` that no occupied span covers."""
     spans, at = [], start
-    for low, high in sorted(taken):
+    for low, high in sorted(occupied):
         if low - at > least_m:
             spans.append((at, min(low, end)))
         at = max(at, high)

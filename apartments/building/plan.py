@@ -37,6 +37,14 @@ class Room:
         """Return the coordinate along `axis` of the inner face of the wall on that side."""
         return self.upper_m[axis] if sign > 0 else self.lower_m[axis]
 
+    def strip(self, axis: int, sign: int, span_m: tuple[float, float], depth_m: float) -> Array:
+        """Return (2, 2) corners of the floor along a stretch of one side [m]."""
+        face = self.wall_at(axis, sign)
+        rect = np.empty((2, 2))
+        rect[:, axis] = sorted((face, face - sign * depth_m))
+        rect[:, 1 - axis] = span_m
+        return rect
+
     def span(self, axis: int) -> tuple[float, float]:
         """Return the extent along the wall perpendicular to `axis`."""
         return self.lower_m[1 - axis], self.upper_m[1 - axis]
@@ -130,9 +138,5 @@ class FloorPlan:
 
     def bounds(self) -> Array:
         """Return (2, 2) lower and upper corner of all rooms [m]."""
-        return np.array(
-            [
-                np.min([r.lower_m for r in self.rooms], axis=0),
-                np.max([r.upper_m for r in self.rooms], axis=0),
-            ]
-        )
+        lower, upper = zip(*((r.lower_m, r.upper_m) for r in self.rooms), strict=True)
+        return np.array([np.min(lower, axis=0), np.max(upper, axis=0)])

@@ -4,13 +4,15 @@ Texture coordinates are metres on the surface; a material says how large its ima
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...formats.core.arrays import I32, I64, Array
 from ...formats.core.geometry import arc_length
+
+_QUAD = np.array([[0, 1, 2], [0, 2, 3]])
 
 
 @dataclass(frozen=True)
@@ -31,18 +33,19 @@ class Triangles:
         """Return this turned about z, then shifted."""
         c, s = np.cos(yaw_rad), np.sin(yaw_rad)
         rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return Triangles(
-            self.corners @ rotation.T + np.asarray(offset_m, dtype=np.float64),
-            self.uv,
-            self.material,
-        )
+        offset = np.asarray(offset_m, dtype=np.float64)
+        return replace(self, corners=self.corners @ rotation.T + offset)
 
     def tilted(self, roll_rad: float, about_m: ArrayLike) -> "Triangles":
         """Return this turned about the x axis through `about_m` (3,)."""
         c, s = np.cos(roll_rad), np.sin(roll_rad)
         rotation = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
         pivot = np.asarray(about_m, dtype=np.float64)
-        return Triangles((self.corners - pivot) @ rotation.T + pivot, self.uv, self.material)
+        return replace(self, corners=(self.corners - pivot) @ rotation.T + pivot)
+
+    def scaled(self, factors: ArrayLike) -> "Triangles":
+        """Return this stretched by factors (3,) about the origin."""
+        return replace(self, corners=self.corners * np.asarray(factors, dtype=np.float64))
 
     def bounds(self) -> Array:
         """Return (2, 3) lower and upper corner [m]."""
@@ -52,15 +55,17 @@ class Triangles:
 
 def join(shapes: Sequence[Triangles]) -> Triangles:
     """Return all triangles of `shapes` (at least one)."""
-    return Triangles(
-        np.concatenate([s.corners for s in shapes]),
-        np.concatenate([s.uv for s in shapes]),
-        np.concatenate([s.material for s in shapes]),
-    )
+    names = ("corners", "uv", "material")
+    return Triangles(*(np.concatenate([getattr(s, name) for s in shapes]) for name in names))
 
 
 def _soup(vertices: Array, faces: I64, uv: Array, material: int) -> Triangles:
     return Triangles(vertices[faces], uv[faces], np.full(len(faces), material, dtype=np.int32))
+
+
+def _halves(a: I64, b: I64, c: I64, d: I64) -> I64:
+    """Return the two triangles (2 N, 3) of N quadrilaterals, from the indices of their corners."""
+    return np.concatenate([np.stack(half, -1).reshape(-1, 3) for half in ((a, b, c), (a, c, d))])
 
 
 def _scatter(lower: Array) -> float:
@@ -69,15 +74,12 @@ def _scatter(lower: Array) -> float:
 
 
 def quad(origin: ArrayLike, right: ArrayLike, up: ArrayLike, material: int) -> Triangles:
-    """Return a rectangle from `origin` along `right` and `up` (3,) [m].
-
-    Uv starts at (0, 0) there.
-    """
+    """Return a rectangle from `origin`, where uv is (0, 0), along `right` and `up` (3,) [m]."""
     o, r, u = (np.asarray(a, dtype=np.float64) for a in (origin, right, up))
     w, h = float(np.linalg.norm(r)), float(np.linalg.norm(u))
     vertices = np.stack([o, o + r, o + r + u, o + u])
     uv = np.array([[0.0, 0.0], [w, 0.0], [w, h], [0.0, h]])
-    return _soup(vertices, np.array([[0, 1, 2], [0, 2, 3]]), uv, material)
+    return _soup(vertices, _QUAD, uv, material)
 
 
 def box(lower: ArrayLike, upper: ArrayLike, material: int) -> Triangles:
@@ -96,7 +98,7 @@ def box(lower: ArrayLike, upper: ArrayLike, material: int) -> Triangles:
             vertices[:, a] = [lo[a], hi[a], hi[a], lo[a]]
             vertices[:, b] = [lo[b], lo[b], hi[b], hi[b]]
             uv = np.stack([vertices[:, a] - lo[a] + shift, vertices[:, b] - lo[b] + shift], axis=-1)
-            parts.append(_soup(vertices, np.array([[0, 1, 2], [0, 2, 3]]), uv, material))
+            parts.append(_soup(vertices, _QUAD, uv, material))
     return join(parts)
 
 
@@ -118,10 +120,7 @@ def soft_box(
     line = np.sin(np.linspace(-1.0, 1.0, steps + 1) * np.pi / 2)
     s, t = np.meshgrid(line, line, indexing="ij")
     index = np.arange((steps + 1) ** 2).reshape(steps + 1, steps + 1)
-    a, b, c, d = index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]
-    faces = np.concatenate(
-        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
-    )
+    faces = _halves(index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
     parts = []
     for axis in range(3):
         u_axis, v_axis = [k for k in range(3) if k != axis]
@@ -143,12 +142,9 @@ def soft_box(
 
 
 def turned(profile: ArrayLike, center_xy: ArrayLike, material: int, sides: int = 18) -> Triangles:
-    """Return a surface of revolution about the vertical through `center_xy`.
+    """Return a surface of revolution about the vertical through `center_xy` (2,) [m].
 
-    Args:
-        profile: (N, 2) rows of (radius, height) [m], from bottom to top.
-        center_xy: (2,) [m].
-        sides: how many facets.
+    `profile` (N, 2) has rows of (radius, height) [m], from bottom to top.
     """
     line = np.asarray(profile, dtype=np.float64)
     angle = np.linspace(0.0, 2 * np.pi, sides + 1)
@@ -156,15 +152,11 @@ def turned(profile: ArrayLike, center_xy: ArrayLike, material: int, sides: int =
     vertices = np.empty((len(line), sides + 1, 3))
     vertices[..., :2] = np.asarray(center_xy) + line[:, None, :1] * ring[None]
     vertices[..., 2] = line[:, 1, None]
-    along = arc_length(line)
     uv = np.empty((len(line), sides + 1, 2))
     uv[..., 0] = angle * float(line[:, 0].max())
-    uv[..., 1] = along[:, None]
+    uv[..., 1] = arc_length(line)[:, None]
     index = np.arange(len(line) * (sides + 1)).reshape(len(line), sides + 1)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate(
-        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([a, c, d], -1).reshape(-1, 3)]
-    )
+    faces = _halves(index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
     return _soup(vertices.reshape(-1, 3), faces, uv.reshape(-1, 2), material)
 
 
@@ -185,11 +177,9 @@ def ellipsoid(center: ArrayLike, radii: ArrayLike, material: int, steps: int = 8
     """Return an ellipsoid with its axes along the coordinate axes."""
     c, r = np.asarray(center, dtype=np.float64), np.asarray(radii, dtype=np.float64)
     angle = np.linspace(-np.pi / 2, np.pi / 2, steps + 1)
-    unit = turned(
-        np.stack([np.maximum(np.cos(angle), 1e-4), np.sin(angle)], -1), (0.0, 0.0), material
-    )
-    scale = float(r.mean())
-    return Triangles(unit.corners * r + c, unit.uv * scale, unit.material)
+    profile = np.stack([np.maximum(np.cos(angle), 1e-4), np.sin(angle)], -1)
+    unit = turned(profile, (0.0, 0.0), material)
+    return Triangles(unit.corners * r + c, unit.uv * float(r.mean()), unit.material)
 
 
 def rod(start: ArrayLike, end: ArrayLike, side_m: float, material: int) -> Triangles:

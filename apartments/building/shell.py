@@ -198,7 +198,7 @@ def entry_door(plan: FloorPlan, door: Opening, trim: int, palette: Palette, colo
     """Return the closed front door."""
     place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
     size = (door.end_m - door.start_m, door.top_m)
-    leaf = palette.unique("front door", lambda r, s: pictures.panel_door(r, s, color), size)
+    leaf = palette.unique("front door", pictures.panel_door, size, color)
     low = place(door.start_m, 0.05, 0.0)
     shapes = [
         *_casing(place, door, trim),
@@ -214,10 +214,7 @@ def window(plan: FloorPlan, hole: Opening, trim: int, palette: Palette) -> Piece
     width, height = hole.end_m - hole.start_m, hole.top_m - hole.bottom_m
     panes = 1 if width < 0.95 else (2 if width < 1.75 else 3)
     view = palette.unique(
-        "window view",
-        lambda r, s: pictures.window_view(r, s, panes),
-        (width, height),
-        emissive=True,
+        "window view", pictures.window_view, (width, height), panes, emissive=True
     )
     low = place(hole.start_m, _WINDOW_DEPTH_M, hole.bottom_m)
     pane = quad(low, place(hole.end_m, _WINDOW_DEPTH_M, hole.bottom_m) - low, (0, 0, height), view)

@@ -1,12 +1,15 @@
 """Placement of furniture in a room, so that doors stay clear and robots can pass."""
 
+from collections.abc import Iterable
+from typing import NamedTuple
+
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 
 from ...formats.core.arrays import Array, Mask
 from .furniture.piece import Arrangement, Piece
 from .plan import SIDES, FloorPlan, Opening
-from .stairs import taken_floor
+from .stairs import occupied_floor
 
 Rect = Array
 
@@ -33,10 +36,10 @@ class RoomSpace:
         self.radius_m = radius_m
         self.bounds = np.array([self.room.lower_m, self.room.upper_m])
         self.solids: list[Rect] = []
-        self.kept: list[Rect] = []
+        self.reserved: list[Rect] = []
         self.entrances: list[Array] = []
         self.tops: list[tuple[Rect, float]] = []
-        self.blocks = [taken_floor(block) for block in plan.blocks_of(index)]
+        self.blocks = [occupied_floor(block) for block in plan.blocks_of(index)]
         for rect, block in zip(self.blocks, plan.blocks_of(index), strict=True):
             self.solids.append(rect)
             self.tops.append((rect, block.top_m))
@@ -47,10 +50,8 @@ class RoomSpace:
         axis, sign, start, end = door.axis, door.sign, door.start_m, door.end_m
         face = self.room.wall_at(axis, sign)
         depth = min(_DOOR_DEPTH_M, 0.8 * float(self.room.size_m[axis]))
-        zone = np.empty((2, 2))
-        zone[:, axis] = sorted((face, face - sign * depth))
-        zone[:, 1 - axis] = start - _DOOR_SIDE_M, end + _DOOR_SIDE_M
-        self.kept.append(zone)
+        sides = (start - _DOOR_SIDE_M, end + _DOOR_SIDE_M)
+        self.reserved.append(self.room.strip(axis, sign, sides, depth))
         point = np.empty(2)
         point[axis], point[1 - axis] = face - sign * 0.45, (start + end) / 2
         if self.blocks and door.kind == "passage" and self.room.kind == "stairwell":
@@ -67,15 +68,13 @@ class RoomSpace:
             return False
         solids = item.footprints()
         for solid in solids:
-            if any(overlaps(solid, zone) for zone in self.kept):
+            if any(overlaps(solid, zone) for zone in self.reserved):
                 return False
             if any(overlaps(solid, other, 0.06) for other in self.solids):
                 return False
-        if not item.on_window:
-            for piece in item.pieces:
-                box = piece.shape.bounds()
-                if self._hides_window(box[:, :2], float(box[1, 2])):
-                    return False
+        boxes = [] if item.on_window else [piece.shape.bounds() for piece in item.pieces]
+        if any(self._hides_window(box[:, :2], float(box[1, 2])) for box in boxes):
+            return False
         return self.passable(solids)
 
     def _hides_window(self, flat: Rect, top_m: float) -> bool:
@@ -94,15 +93,8 @@ class RoomSpace:
             bounds = piece.shape.bounds()
             self.tops.append((bounds[:, :2], float(bounds[1, 2])))
 
-    def keep(self, zone: Rect) -> None:
-        """Keep a (2, 2) zone free from now on."""
-        self.kept.append(zone)
-
     def free_cells(self, more: list[Rect]) -> tuple[Mask, Array]:
-        """Return the cells a robot's centre may take with `more` furniture.
-
-        And the (2,) grid origin.
-        """
+        """Return the cells where a robot fits beside `more` furniture, and the grid's origin."""
         shape = np.ceil((self.bounds[1] - self.bounds[0]) / _CELL_M).astype(int) + 2
         blocked = np.ones(shape, dtype=bool)
         blocked[1:-1, 1:-1] = False
@@ -120,16 +112,23 @@ class RoomSpace:
         free, origin = self.free_cells(more)
         groups = np.zeros(free.shape, dtype=np.int32)
         label(free, output=groups)
-        ids = set()
-        for point in self.entrances:
-            i, j = ((point - origin) / _CELL_M).astype(int)
-            ids.add(int(groups[i, j]))
+        cells = [tuple(((point - origin) / _CELL_M).astype(int)) for point in self.entrances]
+        ids = {int(groups[cell]) for cell in cells}
         if 0 in ids or len(ids) > 1:
             return False
         reached = np.count_nonzero(groups == ids.pop()) * _CELL_M**2
         # A narrow corridor leaves little room for the centre of a disc even when it is empty.
         narrow = max(float(self.room.size_m.min()) - 2 * self.radius_m, 0.1)
         return reached >= 0.25 * narrow * (float(self.room.size_m.max()) - 2 * self.radius_m)
+
+
+class WallPlace(NamedTuple):
+    """Where furniture stands at a wall: side, distance along it [m], and the pieces in place."""
+
+    axis: int
+    sign: int
+    along_m: float
+    item: Arrangement
 
 
 def at_wall(
@@ -161,8 +160,8 @@ def try_wall(
     sides: list[tuple[int, int]] | None = None,
     along_m: float | None = None,
     tries: int = 14,
-) -> tuple[int, int, float, Arrangement] | None:
-    """Place `item` at some wall; (axis, sign, along, placed), or None if nothing fits.
+) -> WallPlace | None:
+    """Place `item` at some wall, or return None if it fits nowhere.
 
     Corners and the stretch near `along_m` are tried first.
     """
@@ -187,34 +186,45 @@ def try_wall(
             continue
         if space.fits(placed):
             space.place(placed)
-            space.keep(zone)
-            return axis, sign, along, placed
+            space.reserved.append(zone)
+            return WallPlace(axis, sign, along, placed)
     return None
 
 
 def put_at_walls(
-    space: RoomSpace, rng: np.random.Generator, items: list[Arrangement]
+    space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement]
 ) -> list[Piece]:
     """Place at walls those of `items` that fit, in order, and return their pieces."""
-    pieces: list[Piece] = []
-    for item in items:
-        found = try_wall(space, rng, item)
-        if found is not None:
-            pieces += found[3].pieces
-    return pieces
+    places = [try_wall(space, rng, item) for item in items]
+    return [piece for place in places if place for piece in place.item.pieces]
+
+
+def first_at_wall(
+    space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement]
+) -> list[Piece]:
+    """Place at a wall the first of `items` that fits, and return its pieces; none if none fits."""
+    places = (try_wall(space, rng, item, tries=20) for item in items)
+    return next((list(place.item.pieces) for place in places if place), [])
+
+
+def first_in_middle(
+    space: RoomSpace, rng: np.random.Generator, items: Iterable[Arrangement], tries: int
+) -> list[Piece]:
+    """Place free in the room the first of `items` that fits, and return its pieces."""
+    places = (try_middle(space, rng, item, tries) for item in items)
+    return next((list(place.pieces) for place in places if place), [])
 
 
 def _mirrored(axis: int, sign: int) -> bool:
     """Return whether a piece's +x runs against the wall's coordinate."""
     yaw = wall_yaw(axis, sign)
-    direction = np.array([np.cos(yaw), np.sin(yaw)])
-    return bool(direction[1 - axis] < 0)
+    return bool((np.cos(yaw), np.sin(yaw))[1 - axis] < 0)
 
 
 def try_middle(
-    space: RoomSpace, rng: np.random.Generator, item: Arrangement, tries: int = 16
+    space: RoomSpace, rng: np.random.Generator, item: Arrangement, tries: int
 ) -> Arrangement | None:
-    """Place `item` free in the room, near its centre first."""
+    """Place `item` free in the room, near its centre first; None if it fits nowhere."""
     for k in range(tries):
         turned = item.moved(0.5 * np.pi * int(rng.integers(2)), 0.0, 0.0)
         spread = 0.08 + 0.5 * k / tries

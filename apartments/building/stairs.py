@@ -186,7 +186,7 @@ def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[P
     return [Piece("Wall", "wall", join(sides)), Piece("Railing", "railing", join(parts))]
 
 
-def taken_floor(block: Block) -> Array:
+def occupied_floor(block: Block) -> Array:
     """Return (2, 2) floor that a column, the stairs, or the void with its railing take."""
     if block.kind == "column":
         return block.rect()

@@ -51,11 +51,10 @@ def planks(
     return to_image(color * (1 - 0.45 * groove - 0.12 * bevel)[..., None])
 
 
-def herringbone(
-    rng: np.random.Generator, shape: tuple[int, int], block: int, base: ArrayLike
-) -> Image:
-    """Paint herringbone parquet of boards `block` pixels wide and four times as long."""
+def herringbone(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
+    """Paint herringbone parquet: 24 boards' widths in the height, each four times as long."""
     height, width = shape
+    block = height // 24
     y, x = np.meshgrid(np.arange(height) // block, np.arange(width) // block, indexing="ij")
     phase = (x - y) % 8
     across = phase < 4  # The board runs along x here, along y elsewhere.

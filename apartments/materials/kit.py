@@ -1,9 +1,11 @@
-"""The furniture materials of one home: its woods, cloths, metals and stone."""
+"""The furniture materials of one building: its woods, cloths, metals and stone."""
+
+from typing import Any
 
 import numpy as np
 
 from . import fabrics, pictures
-from .palette import Palette
+from .palette import Color, Painter, Palette
 from .walls import paint as lacquer
 
 WOODS = {
@@ -36,125 +38,68 @@ FRONTS = {
 }
 
 
+def _finish(name: str, paint: Painter, side_m: float, color: Color, **options: Any) -> property:
+    """Return a property of `Kit`: a square material that its first use makes."""
+    size_m = side_m, side_m
+    return property(lambda self: self.palette.get(name, paint, size_m, color, **options))
+
+
 class Kit:
-    """Chooses materials by purpose; every choice is drawn once per home."""
+    """Chooses materials by purpose; every choice is drawn once per building."""
 
     def __init__(self, rng: np.random.Generator, palette: Palette):
-        self.rng = rng
-        self.palette = palette
-        woods, cloths = list(WOODS), list(CLOTHS)
-        self.wood_names = [woods[k] for k in rng.permutation(len(woods))[:3]]
-        self.cloth_names = [cloths[k] for k in rng.permutation(len(cloths))]
-        fronts = list(FRONTS)
-        self.front_names = [fronts[k] for k in rng.permutation(len(fronts))]
+        self.rng, self.palette = rng, palette
+        self.wood_names = self._drawn(WOODS)[:3]
+        self.cloth_names = self._drawn(CLOTHS)
+        self.front_names = self._drawn(FRONTS)
+
+    def _drawn(self, colors: dict[str, Color]) -> list[str]:
+        names = list(colors)
+        return [names[k] for k in self.rng.permutation(len(names))]
 
     def wood(self, k: int = 0) -> int:
-        """Return one of the home's three woods."""
+        """Return one of the building's three woods."""
         name = self.wood_names[k % 3]
-        return self.palette.get(
-            f"wood {name}", lambda r, s: fabrics.board(r, s, WOODS[name]), (2.0, 1.0)
-        )
-
-    def wood_color(self, k: int = 0) -> tuple[int, int, int]:
-        """Return its mean colour (0–255)."""
-        return WOODS[self.wood_names[k % 3]]
+        return self.palette.get(f"wood {name}", fabrics.board, (2.0, 1.0), WOODS[name])
 
     def cloth(self, k: int = 0) -> int:
-        """Return one of the home's cloths; neighbouring k differ."""
+        """Return one of the building's cloths; neighbouring k differ."""
         name = self.cloth_names[k % len(self.cloth_names)]
-        return self.palette.get(
-            f"cloth {name}", lambda r, s: fabrics.weave(r, s, CLOTHS[name]), (1.0, 1.0)
-        )
+        return self.palette.get(f"cloth {name}", fabrics.weave, (1.0, 1.0), CLOTHS[name])
 
-    def cloth_color(self, k: int = 0) -> tuple[int, int, int]:
+    def cloth_color(self, k: int = 0) -> Color:
         """Return its mean colour (0–255)."""
         return CLOTHS[self.cloth_names[k % len(self.cloth_names)]]
 
     def blanket(self, k: int) -> int:
-        """Return a plaid in two of the home's cloth colours."""
+        """Return a plaid in two of the building's cloth colours."""
         a, b = self.cloth_color(k), self.cloth_color(k + 3)
-        return self.palette.get(
-            f"plaid {a} {b}", lambda r, s: fabrics.plaid(r, s, a, b, 5), (1.2, 1.2)
-        )
+        return self.palette.get(f"plaid {a} {b}", fabrics.plaid, (1.2, 1.2), a, b, 5)
 
     def linen(self, k: int, style: int) -> int:
         """Return bed linen in a cloth colour on off-white."""
-        color = self.cloth_color(k)
-        return self.palette.get(
-            f"linen {color} {style}",
-            lambda r, s: fabrics.quilt(r, s, (228, 226, 220), color, style),
-            (1.6, 1.6),
-        )
+        color, name = self.cloth_color(k), f"linen {self.cloth_color(k)} {style}"
+        return self.palette.get(name, fabrics.quilt, (1.6, 1.6), (228, 226, 220), color, style)
 
-    def plain(self, name: str, color: tuple[int, int, int]) -> int:
+    def plain(self, name: str, color: Color) -> int:
         """Return lacquer of a given colour."""
-        return self.palette.get(
-            f"lacquer {name}", lambda r, s: lacquer(s, r, color), (1.0, 1.0), 120.0
-        )
+        return self.palette.get(f"lacquer {name}", lacquer, (1.0, 1.0), color, pixels_per_m=120.0)
 
-    @property
-    def white(self) -> int:
-        """White lacquer."""
-        return self.plain("white", (232, 231, 226))
-
-    @property
-    def black(self) -> int:
-        """Black lacquer."""
-        return self.plain("black", (36, 36, 38))
-
-    @property
-    def ceramic(self) -> int:
-        """Sanitary ceramic."""
-        return self.plain("ceramic", (240, 241, 241))
-
-    @property
-    def metal(self) -> int:
-        """Brushed steel."""
-        return self.palette.get(
-            "steel", lambda r, s: fabrics.brushed(r, s, (176, 178, 181)), (1.0, 1.0)
-        )
-
-    @property
-    def brass(self) -> int:
-        """Brass."""
-        return self.palette.get(
-            "brass", lambda r, s: fabrics.brushed(r, s, (182, 148, 84)), (0.6, 0.6)
-        )
-
-    @property
-    def foliage(self) -> int:
-        """Leaves."""
-        return self.palette.get(
-            "leaves", lambda r, s: fabrics.leaves(r, s, (74, 116, 58)), (0.8, 0.8)
-        )
-
-    @property
-    def wicker(self) -> int:
-        """Basket weave."""
-        return self.palette.get(
-            "wicker", lambda r, s: fabrics.wicker(r, s, (184, 146, 96)), (0.8, 0.8)
-        )
-
-    @property
-    def shade(self) -> int:
-        """A lit lampshade."""
-        return self.palette.get(
-            "lampshade",
-            lambda r, s: lacquer(s, r, (250, 232, 196)),
-            (0.6, 0.6),
-            120.0,
-            emissive=True,
-        )
+    white = property(lambda self: self.plain("white", (232, 231, 226)))
+    black = property(lambda self: self.plain("black", (36, 36, 38)))
+    ceramic = property(lambda self: self.plain("ceramic", (240, 241, 241)))
+    metal = _finish("steel", fabrics.brushed, 1.0, (176, 178, 181))
+    brass = _finish("brass", fabrics.brushed, 0.6, (182, 148, 84))
+    foliage = _finish("leaves", fabrics.leaves, 0.8, (74, 116, 58))
+    wicker = _finish("wicker", fabrics.wicker, 0.8, (184, 146, 96))
+    shade = _finish("lampshade", lacquer, 0.6, (250, 232, 196), pixels_per_m=120.0, emissive=True)
 
     @property
     def stone(self) -> int:
         """Worktop."""
-        base, vein = [((224, 221, 216), 0.2), ((64, 64, 68), -0.5), ((188, 172, 150), 0.15)][
-            len(self.front_names[0]) % 3
-        ]
-        return self.palette.get(
-            "worktop", lambda r, s: fabrics.marble(r, s, base, vein), (2.0, 1.0)
-        )
+        kinds = (((224, 221, 216), 0.2), ((64, 64, 68), -0.5), ((188, 172, 150), 0.15))
+        base, vein = kinds[len(self.front_names[0]) % 3]
+        return self.palette.get("worktop", fabrics.marble, (2.0, 1.0), base, vein)
 
     def front(
         self, width_m: float, height_m: float, rows: int, columns: int, k: int, wood: bool = False
@@ -162,11 +107,11 @@ class Kit:
         """Return the doors or drawers exactly `width_m` × `height_m`."""
         framed = len(self.front_names[0]) % 2 == 0
         name = self.front_names[k % len(self.front_names)]
-        base = self.wood_color(k) if wood else FRONTS[name]
+        base = WOODS[self.wood_names[k % 3]] if wood else FRONTS[name]
 
-        def draw(r: np.random.Generator, s: tuple[int, int]) -> np.ndarray:
-            texture = fabrics.board(r, (256, 384), base) if wood else None
-            return pictures.front(r, s, base, rows, columns, framed=framed, wood=texture)
+        def draw(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+            texture = fabrics.board(rng, (256, 384), base) if wood else None
+            return pictures.front(rng, shape, base, rows, columns, framed=framed, wood=texture)
 
         return self.palette.unique("front", draw, (width_m, height_m))
 

@@ -3,11 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from ...formats.core.threads import in_order
 from .noise import Image
+
+Color = tuple[int, int, int]
 
 
 @dataclass(frozen=True)
@@ -27,7 +30,8 @@ class Material:
     emissive: bool = False
 
 
-PAINTER = Callable[[np.random.Generator, tuple[int, int]], Image]
+# Paints an image of (rows, columns) from a random state, and further arguments.
+Painter = Callable[..., Image]
 
 
 class Palette:
@@ -39,39 +43,41 @@ class Palette:
     """
 
     def __init__(self, rng: np.random.Generator, painted: bool = True):
-        self._rng = rng
-        self._painted = painted
+        self._rng, self._painted = rng, painted
         self._index: dict[str, int] = {}
         self._makers: list[Callable[[], Material]] = []
 
     def get(
         self,
         name: str,
-        paint: PAINTER,
+        paint: Painter,
         size_m: tuple[float, float],
+        *colors: Any,
         pixels_per_m: float = 250.0,
         emissive: bool = False,
+        **options: Any,
     ) -> int:
-        """Return the index of material `name`, to be painted by `paint(rng, (rows, columns))`."""
+        """Return the index of material `name`.
+
+        It will be painted by `paint(rng, (rows, columns), *colors, **options)`.
+        """
         if name not in self._index:
-            shape = (
-                max(round(size_m[1] * pixels_per_m), 8),
-                max(round(size_m[0] * pixels_per_m), 8),
-            )
+            rows, columns = (max(round(size * pixels_per_m), 8) for size in size_m[::-1])
             if self._painted:
-                draw = partial(paint, self._rng.spawn(1)[0], shape)
+                stream = self._rng.spawn(1)[0]
+                draw = partial(paint, stream, (rows, columns), *colors, **options)
             else:
                 draw = partial(np.full, (8, 8, 3), 128, dtype=np.uint8)
             self._index[name] = len(self._makers)
             self._makers.append(lambda: Material(name, draw(), size_m, emissive))
         return self._index[name]
 
+    def unique(
+        self, stem: str, paint: Painter, size_m: tuple[float, float], *colors: Any, **options: Any
+    ) -> int:
+        """Return a new material that nothing else shares (a painting, a front); see `get`."""
+        return self.get(f"{stem} {len(self._makers)}", paint, size_m, *colors, **options)
+
     def make(self) -> tuple[Material, ...]:
         """Make all materials."""
         return tuple(in_order(lambda make: make(), self._makers))
-
-    def unique(
-        self, stem: str, paint: PAINTER, size_m: tuple[float, float], emissive: bool = False
-    ) -> int:
-        """Return a new material that nothing else shares (a painting, a front)."""
-        return self.get(f"{stem} {len(self._makers)}", paint, size_m, emissive=emissive)

@@ -1,13 +1,12 @@
 """Floors and walls of rooms, chosen so that the rooms of a building differ at a glance."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from . import floors, walls
-from .palette import Palette
-
-Color = tuple[int, int, int]
+from .palette import Color, Painter, Palette
 
 WALL_COLORS: dict[str, Color] = {
     "white": (232, 229, 222),
@@ -39,7 +38,8 @@ WOOD_TONES: dict[str, Color] = {
     "cherry": (150, 88, 56),
     "bleached": (208, 188, 158),
 }
-TILE_COLORS: list[Color] = [(206, 198, 184), (168, 164, 158), (222, 218, 210), (150, 120, 98)]
+TILE_COLORS = ((206, 198, 184), (168, 164, 158), (222, 218, 210), (150, 120, 98))
+WALL_TILES = ((222, 226, 226), (150, 184, 190), (176, 200, 182), (216, 206, 190), (92, 122, 140))
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,8 @@ class Stylist:
         self.wall_names = self._shuffle(list(WALL_COLORS))
         self.accent_names = self._shuffle(list(ACCENTS))
         self.wood_names = self._shuffle(list(WOOD_TONES))
-        self.trim_color: Color = [(238, 236, 230), (238, 236, 230), (150, 106, 68), (84, 66, 52)][
-            int(rng.integers(4))
-        ]
+        trims = ((238, 236, 230), (238, 236, 230), (150, 106, 68), (84, 66, 52))
+        self.trim_color: Color = trims[int(rng.integers(4))]
         self.used = 0
         self.bedrooms = 0
 
@@ -96,68 +95,45 @@ class Stylist:
             accent, side = self._accent(k, WALL_COLORS[name]), int(rng.integers(4))
         if kind in ("dining room", "hallway") and rng.random() < 0.5:
             lower, lower_m = self._panels(), 0.95
-        return RoomStyle(
-            self._floor(kind),
-            self.palette.get(
-                "ceiling", lambda r, s: walls.plaster(r, s, (236, 235, 231), 0.0), (2.5, 2.5), 200.0
-            ),
-            self.palette.get(
-                "trim", lambda r, s: walls.paint(s, r, self.trim_color), (1.0, 1.0), 120.0
-            ),
-            wall,
-            accent,
-            side,
-            lower,
-            lower_m,
+        floor, square, white = self._floor(kind), (2.5, 2.5), (236, 235, 231)
+        ceiling = self.palette.get("ceiling", walls.plaster, square, white, 0.0, pixels_per_m=200.0)
+        trim = self.palette.get(
+            "trim", walls.paint, (1.0, 1.0), self.trim_color, pixels_per_m=120.0
         )
+        return RoomStyle(floor, ceiling, trim, wall, accent, side, lower, lower_m)
 
     def _plaster(self, name: str, color: Color) -> int:
         return self.palette.get(
-            f"plaster {name}", lambda r, s: walls.plaster(r, s, color), (2.5, 2.5), 200.0
+            f"plaster {name}", walls.plaster, (2.5, 2.5), color, pixels_per_m=200.0
         )
 
     def _accent(self, k: int, base: Color) -> int:
         name = self.accent_names[k % len(self.accent_names)]
         color = ACCENTS[name]
         soft = tuple(int(0.6 * b + 0.4 * c) for b, c in zip(base, color, strict=True))
-        kind = int(self.rng.integers(5))
+        kind, size_m = int(self.rng.integers(5)), (1.6, 1.6)
         if kind == 0:
             brick = [(164, 92, 70), (196, 186, 174), (140, 104, 86)][k % 3]
             return self.palette.get(
-                f"brick {brick}", lambda r, s: walls.bricks(r, s, brick), (1.5, 1.5), 330.0
+                f"brick {brick}", walls.bricks, (1.5, 1.5), brick, pixels_per_m=330.0
             )
         if kind == 1:
-            return self.palette.get(
-                f"stripes {name}", lambda r, s: walls.stripes(r, s, base, soft, 10), (1.6, 1.6)
-            )
+            return self.palette.get(f"stripes {name}", walls.stripes, size_m, base, soft, 10)
         if kind == 2:
-            return self.palette.get(
-                f"damask {name}", lambda r, s: walls.damask(r, s, base, soft, 5), (1.6, 1.6)
-            )
+            return self.palette.get(f"damask {name}", walls.damask, size_m, base, soft, 5)
         return self._plaster(name, color)
 
     def _panels(self) -> int:
         color = self.trim_color if self.rng.random() < 0.5 else (214, 218, 212)
-        return self.palette.get(
-            f"panelling {color}", lambda r, s: walls.panelling(r, s, color, 12), (1.2, 1.2)
-        )
+        return self.palette.get(f"panelling {color}", walls.panelling, (1.2, 1.2), color, 12)
 
     def _wall_tiles(self) -> int:
-        color = [
-            (222, 226, 226),
-            (150, 184, 190),
-            (176, 200, 182),
-            (216, 206, 190),
-            (92, 122, 140),
-        ][int(self.rng.integers(5))]
+        color = WALL_TILES[int(self.rng.integers(5))]
         brick = bool(self.rng.random() < 0.5)
         count = (12, 6) if brick else (6, 6)
+        joints = {"grout": (236, 236, 232), "offset": brick, "grout_px": 1.3}
         return self.palette.get(
-            f"wall tiles {color}",
-            lambda r, s: floors.tiles(
-                r, s, count, color, grout=(236, 236, 232), offset=brick, grout_px=1.3
-            ),
-            (1.2, 1.2),
+            f"wall tiles {color}", floors.tiles, (1.2, 1.2), count, color, **joints
         )
 
     def _floor(self, kind: str) -> int:
@@ -166,12 +142,7 @@ class Stylist:
         if kind == "kitchen":
             draw = self.rng.random()
             if draw < 0.25:
-                return self.palette.get(
-                    "terrazzo",
-                    lambda r, s: floors.terrazzo(r, s, (206, 201, 192)),
-                    (2.0, 2.0),
-                    320.0,
-                )
+                return self._covering("terrazzo", floors.terrazzo, 2.0, (206, 201, 192))
             return self._floor_tiles(0.4, checker=draw < 0.55)
         if kind in ("living room", "hallway", "dining room", "stairwell"):
             return self._wood(0 if kind != "dining room" else 1)
@@ -179,42 +150,33 @@ class Stylist:
         if self.rng.random() < 0.4:
             name = self.wall_names[-1 - self.bedrooms % len(self.wall_names)]
             base = tuple(int(0.72 * c) for c in WALL_COLORS[name])
-            return self.palette.get(
-                f"carpet {name}", lambda r, s: floors.carpet(r, s, base), (2.0, 2.0), 320.0
-            )
+            return self._covering(f"carpet {name}", floors.carpet, 2.0, base)
         if self.rng.random() < 0.2:
-            return self.palette.get(
-                "concrete", lambda r, s: floors.concrete(r, s, (158, 155, 150)), (3.0, 3.0), 256.0
-            )
+            return self._covering("concrete", floors.concrete, 3.0, (158, 155, 150), 256.0)
         return self._wood(self.bedrooms)
+
+    def _covering(
+        self, name: str, paint: Painter, side_m: float, color: Sequence[int], density: float = 320.0
+    ) -> int:
+        return self.palette.get(name, paint, (side_m, side_m), color, pixels_per_m=density)
 
     def _wood(self, k: int) -> int:
         name = self.wood_names[k % len(self.wood_names)]
-        base = WOOD_TONES[name]
         if (len(name) + k) % 3 == 0:
-            return self.palette.get(
-                f"herringbone {name}",
-                lambda r, s: floors.herringbone(r, s, s[0] // 24, base),
-                (2.4, 2.4),
-                320.0,
-            )
+            return self._covering(f"herringbone {name}", floors.herringbone, 2.4, WOOD_TONES[name])
         return self.palette.get(
-            f"planks {name}", lambda r, s: floors.planks(r, s, 16, 3, base), (3.2, 2.4), 320.0
+            f"planks {name}", floors.planks, (3.2, 2.4), 16, 3, WOOD_TONES[name], pixels_per_m=320.0
         )
 
     def _floor_tiles(self, side_m: float, checker: bool = False) -> int:
         color = TILE_COLORS[int(self.rng.integers(len(TILE_COLORS)))]
         other: Color | None = None
         if checker:
-            color, other = (
-                (220, 216, 206),
-                [(66, 68, 72), (110, 128, 118), (150, 96, 74)][int(self.rng.integers(3))],
-            )
+            others = ((66, 68, 72), (110, 128, 118), (150, 96, 74))
+            color, other = (220, 216, 206), others[int(self.rng.integers(3))]
         veins = 0.12 if self.rng.random() < 0.5 else 0.0
-        count = 6
+        name, size = f"floor tiles {color} {other} {side_m}", 6 * side_m
+        density, options = min(320.0, 768 / size), {"other": other, "veins": veins}
         return self.palette.get(
-            f"floor tiles {color} {other} {side_m}",
-            lambda r, s: floors.tiles(r, s, (count, count), color, other=other, veins=veins),
-            (count * side_m, count * side_m),
-            min(320.0, 768 / (count * side_m)),
+            name, floors.tiles, (size, size), (6, 6), color, pixels_per_m=density, **options
         )

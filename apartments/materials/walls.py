@@ -66,6 +66,6 @@ def panelling(
     return to_image(colored(base, (profile[None, :] * (1 + 0.012 * streak)).astype(np.float32)))
 
 
-def paint(shape: tuple[int, int], rng: np.random.Generator, base: ArrayLike) -> Image:
+def paint(rng: np.random.Generator, shape: tuple[int, int], base: ArrayLike) -> Image:
     """Paint smooth lacquer on wood or metal."""
     return to_image(canvas(shape, base) * (1 + 0.012 * fractal(rng, shape, (3, 3), 3))[..., None])

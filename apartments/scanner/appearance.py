@@ -1,6 +1,5 @@
 """Sample the colour of the exact surface."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +7,6 @@ import numpy as np
 from ...formats.core.arrays import F32, I32, I64, U8, Mask
 from ...formats.core.kernel import kernel
 from ..building.true_scene import TrueScene
-from ..materials.palette import Material
 
 
 @dataclass(frozen=True)
@@ -36,7 +34,7 @@ class Appearance:
     @staticmethod
     def of(scene: TrueScene) -> "Appearance":
         """Collect the materials of `scene`."""
-        materials: Sequence[Material] = scene.materials
+        materials = scene.materials
         counts = [m.image.shape[0] * m.image.shape[1] for m in materials]
         starts = np.r_[0, np.cumsum(counts)[:-1]]
         return Appearance(

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import F32, I32, I64, Array
-from ...geometry.fusion.surface import ScanMesh, neighbours, pieces, smooth_normals
+from ...geometry.fusion.surface import ScanMesh, neighbours, pieces, smooth_normals, sums, unit
 
 # A triangle leaning more than 60° against its chart would be stretched to twice its texels.
 _LEAST_FACING = 0.5
@@ -84,8 +84,7 @@ def _absorb_small(chart: I32, direction: I64, label: I32, pairs: I64, normals: A
 
 
 def _mean_normals(chart: I32, normals: Array, area: Array) -> Array:
-    mean = np.stack([np.bincount(chart, normals[:, k] * area) for k in range(3)], axis=1)
-    return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
+    return unit(sums(chart, normals * area[:, None], int(chart.max(initial=-1)) + 1))
 
 
 def _flatten(

@@ -9,12 +9,12 @@ from ...formats.core.arrays import F32, I32, I64, U8, Array
 from ...formats.core.geometry import triangle_normals
 from ...formats.core.kernel import kernel
 from ...formats.core.threads import in_order
-from ...geometry.fusion.surface import ScanMesh
+from ...geometry.fusion.surface import ScanMesh, sums, unit
 from ..building.true_scene import TrueScene
 from ..config import ScanConfig
 from .appearance import Appearance
 from .atlas import Charts, Packing
-from .light import Lighting, Lights
+from .light import Lighting, exposed
 from .lookup import exact_surface
 from .raster import rasterize
 from .tracing import Tracer
@@ -44,11 +44,8 @@ def chart_vertices(mesh: ScanMesh, charts: Charts) -> ChartVertices:
     unique, index = np.unique(key, return_inverse=True)
     face = index.reshape(-1, 3).astype(np.int32)
     _, area = mesh.normals()
-    normal = np.zeros((len(unique), 3))
-    for axis in range(3):
-        weighted = np.repeat(charts.normal[:, axis] * area, 3)
-        normal[:, axis] = np.bincount(face.ravel(), weighted, minlength=len(unique))
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    weighted = np.repeat(charts.normal * area[:, None], 3, axis=0)
+    normal = unit(sums(face.ravel(), weighted, len(unique)))
     return ChartVertices(unique % count, face, normal.astype(np.float32))
 
 
@@ -59,12 +56,9 @@ class Baker:
         self, rng: np.random.Generator, scene: TrueScene, tracer: Tracer, config: ScanConfig
     ):
         self._tracer, self._rays = tracer, config.light_rays
-        self._looks = Appearance.of(scene)
+        self._surface = Appearance.of(scene)
         self._normals = triangle_normals(scene.shape.corners).astype(np.float32)
-        panes = self._looks.emissive[scene.shape.material]
-        open_tracer = Tracer(scene.shape.corners[~panes])
-        lights = Lights.of(rng, scene)
-        self._light = Lighting(tracer, open_tracer, self._looks, lights)
+        self._light = Lighting(rng, scene, tracer, self._surface)
         self._rng = rng
 
     def vertex_light(self, mesh: ScanMesh, split: ChartVertices) -> F32:
@@ -77,12 +71,9 @@ class Baker:
             weight = np.full(len(light), 2.0)
             for a, b in ((0, 1), (1, 2), (2, 0)):
                 i, j = split.face[:, a], split.face[:, b]
-                for axis in range(3):
-                    total[:, axis] += np.bincount(i, light[j, axis], minlength=len(light))
-                    total[:, axis] += np.bincount(j, light[i, axis], minlength=len(light))
-                weight += np.bincount(i, minlength=len(light)) + np.bincount(
-                    j, minlength=len(light)
-                )
+                for here, there in ((i, j), (j, i)):
+                    total += sums(here, light[there], len(light))
+                    weight += np.bincount(here, minlength=len(light))
             light = (total / weight[:, None]).astype(np.float32)
         return light
 
@@ -110,10 +101,8 @@ class Baker:
         def paint(first: int) -> None:
             part = filled[first : first + _CHUNK]
             position, normal, shade = np.empty((3, len(part), 3), dtype=np.float32)
-            _spread(
-                part, flat_face, flat_bary, (points, normals, corner_light),
-                (position, normal, shade),
-            )  # fmt: skip
+            corners, texels = (points, normals, corner_light), (position, normal, shade)
+            _spread(part, flat_face, flat_bary, corners, texels)
             flat_image[part] = self._texels(position, normal, shade)
 
         for _ in in_order(paint, range(0, len(filled), _CHUNK)):
@@ -125,13 +114,13 @@ class Baker:
 
     def _texels(self, position: F32, normal: F32, shade: F32) -> U8:
         hits = exact_surface(self._tracer, position, normal)
-        color = self._looks.color(hits.face, hits.bary).astype(np.float32)
-        exact = self._normals.take(hits.face, axis=0)
+        color = self._surface.color(hits.prim, hits.bary).astype(np.float32)
+        exact = self._normals.take(hits.prim, axis=0)
         exact *= np.sign(np.einsum("ij,ij->i", exact, normal) + 1e-9)[:, None]
         total = shade + self._light.sun(position, exact)
         # Light adds up linearly while the textures are gamma-coded.
-        factor = np.clip(total, 0.02, 2.2) ** np.float32(1 / 2.2)
-        factor[self._looks.emissive[self._looks.material[hits.face]]] = 1.0
+        factor = exposed(total)
+        factor[self._surface.emissive[self._surface.material[hits.prim]]] = 1.0
         return np.clip(color * factor, 0, 255).astype(np.uint8)
 
 

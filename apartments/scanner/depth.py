@@ -48,9 +48,8 @@ class DepthCamera:
         rays = rays.astype(np.float32)
         tiles = tile_order(config.view_px, tile_px=TILES[lanes()])
         traced = tiles[tiles >= 0]
-        return DepthCamera(
-            width, height, focal, rays, rays[:, 2].copy(), traced, np.argsort(traced)
-        )
+        cosine, back = rays[:, 2].copy(), np.argsort(traced)
+        return DepthCamera(width, height, focal, rays, cosine, traced, back)
 
 
 def measure(
@@ -70,15 +69,15 @@ def measure(
     directions = camera.directions @ view.rotation.T.astype(np.float32)
     origins = np.broadcast_to(view.position_m.astype(np.float32), directions.shape)
     hits = tracer.first(origins, directions.take(camera.traced, axis=0), RANGE_M[1] * 1.6)
-    face = hits.face.take(camera.back)
-    depth = hits.distance_m.take(camera.back) * camera.cosine
+    face = hits.prim.take(camera.back)
+    depth = hits.depth.take(camera.back) * camera.cosine
     facing = np.abs(np.einsum("ij,ij->i", normals.take(face, axis=0), directions))
     lost = facing < _GRAZING[0] + (_GRAZING[1] - _GRAZING[0]) * rng.random(len(facing)) ** 3
-    bias = cv2.resize(
+    coarse, size = (
         rng.standard_normal((5, 7), dtype=np.float32),
         (camera.width_px, camera.height_px),
-        interpolation=cv2.INTER_CUBIC,
-    ).ravel()
+    )
+    bias = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC).ravel()
     sigma = config.noise_m + config.noise_per_m2 * depth**2
     noisy = depth + sigma * (rng.standard_normal(len(depth), dtype=np.float32) + 0.9 * bias)
     # Said by what is good, so that a reading which is not a number counts as none.

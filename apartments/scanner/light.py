@@ -26,7 +26,7 @@ _WINDOW_SAMPLES, _NEAR_WINDOWS, _LAMP_SAMPLES, _NEAR_LAMPS = 4, 3, 3, 2
 
 @dataclass(frozen=True)
 class Lights:
-    """The light sources of a home.
+    """The light sources of a building.
 
     Attributes:
         window_m: (W, 2, 3) lower and upper corner of each pane.
@@ -57,19 +57,26 @@ class Lights:
         outward = -normals[int(rng.integers(len(normals)))] if normals else np.array([1.0, 0, 0])
         azimuth = np.arctan2(outward[1], outward[0]) + rng.uniform(-0.7, 0.7)
         height = rng.uniform(0.5, 0.85)
-        sun = np.array(
-            [np.cos(azimuth) * np.cos(height), np.sin(azimuth) * np.cos(height), np.sin(height)]
-        )
-        return Lights(
-            np.array(boxes).reshape(-1, 2, 3), np.array(normals).reshape(-1, 3), scene.lamps_m, sun
-        )
+        flat = np.array([np.cos(azimuth), np.sin(azimuth)]) * np.cos(height)
+        boxes, normals = np.array(boxes).reshape(-1, 2, 3), np.array(normals).reshape(-1, 3)
+        return Lights(boxes, normals, scene.lamps_m, np.append(flat, np.sin(height)))
+
+
+def exposed(light: Floats) -> Floats:
+    """Return what to multiply gamma-coded colours by in linear light (N, 3)."""
+    return np.clip(light, 0.02, 2.2) ** np.float32(1 / 2.2)
 
 
 class Lighting:
-    """Irradiance at points of one home; 1 is a well-lit floor."""
+    """Irradiance at points of one building; 1 is a well-lit floor."""
 
-    def __init__(self, tracer: Tracer, open_tracer: Tracer, looks: Appearance, lights: Lights):
-        self._tracer, self._open, self._looks, self._lights = tracer, open_tracer, looks, lights
+    def __init__(
+        self, rng: np.random.Generator, scene: TrueScene, tracer: Tracer, surface: Appearance
+    ):
+        panes = surface.emissive[scene.shape.material]
+        # The sun shines through the panes.
+        self._tracer, self._open = tracer, Tracer(scene.shape.corners[~panes])
+        self._surface, self._lights = surface, Lights.of(rng, scene)
 
     def soft(
         self, rng: np.random.Generator, points_m: Floats, normals: Floats, rays: int
@@ -84,7 +91,7 @@ class Lighting:
     def sun(self, points_m: Floats, normals: Floats) -> Floats:
         """Return irradiance (N, 3) of direct sun, with sharp shadows."""
         strength = np.empty(len(points_m), dtype=np.float32)
-        scene, direction = self._open.scene, self._lights.sun.astype(np.float32)
+        scene, direction = self._open, self._lights.sun.astype(np.float32)
         _sunlit(
             scene.handle, scene.arguments, packet(), lanes(),
             np.ascontiguousarray(points_m, dtype=np.float32),
@@ -98,7 +105,7 @@ class Lighting:
         Rays leave in the same pattern everywhere, turned by `turn` (N,) in 0…1.
         """
         total = np.zeros_like(start)
-        across, along = _tangents(normals)
+        across, along = tangents(normals)
         reach = 2.5
         for k in range(rays):
             # Cosine-weighted Fibonacci points, turned at random for each point.
@@ -107,11 +114,11 @@ class Lighting:
             x, y = radius * np.cos(angle), radius * np.sin(angle)
             direction = x[:, None] * across + y[:, None] * along + np.sqrt(1 - radius**2) * normals
             hits = self._tracer.first(start, direction, reach, coherent=False)
-            near = hits.face >= 0
-            openness = np.where(near, 0.28 + 0.72 * hits.distance_m / reach, 1.0)
-            material = self._looks.material[hits.face]
-            tint = np.where(near[:, None], 0.45 + 0.65 * self._looks.mean[material], 0.92)
-            glow = near & self._looks.emissive[material]
+            near = hits.prim >= 0
+            openness = np.where(near, 0.28 + 0.72 * hits.depth / reach, 1.0)
+            material = self._surface.material[hits.prim]
+            tint = np.where(near[:, None], 0.45 + 0.65 * self._surface.mean[material], 0.92)
+            glow = near & self._surface.emissive[material]
             total += np.where(glow, 1.3, openness)[:, None] * tint
         return total * np.float32(0.62 / rays)
 
@@ -172,11 +179,16 @@ class Lighting:
         return strength.astype(np.float32)
 
 
-def _tangents(normals: Floats) -> tuple[Floats, Floats]:
-    """Return two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames."""
+def tangents(normals: Floats) -> tuple[Floats, Floats]:
+    """Return two unit vectors (N, 3) that complete unit normals (N, 3) to right-handed frames.
+
+    The first is x where there is no normal.
+    """
     helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-    across = np.cross(helper.astype(np.float32), normals)
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    across = np.cross(helper.astype(normals.dtype), normals)
+    length = np.linalg.norm(across, axis=1, keepdims=True)
+    across /= np.maximum(length, 1e-9)
+    across[length[:, 0] <= 1e-9] = (1.0, 0.0, 0.0)
     return across, np.cross(normals, across)
 
 
@@ -188,11 +200,8 @@ def _sunlit(scene, arguments, rays, n, points, normals, direction, strength):
     lit = np.empty(n, dtype=np.int64)
     count = 0
     for i in range(len(points)):
-        cosine = (
-            normals[i, 0] * direction[0]
-            + normals[i, 1] * direction[1]
-            + normals[i, 2] * direction[2]
-        )
+        cosine = normals[i, 0] * direction[0] + normals[i, 1] * direction[1]
+        cosine += normals[i, 2] * direction[2]
         strength[i] = _SUN_STRENGTH * cosine if cosine > _LEAST_SUN else 0.0
         if cosine > _LEAST_SUN:
             fill_ray(

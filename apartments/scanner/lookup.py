@@ -5,19 +5,20 @@ from scipy.spatial import KDTree
 
 from ...formats.core.arrays import F32, I32, I64
 from ...geometry.fusion.surface import ScanMesh, neighbours, smooth_normals
-from .tracing import Hits, Tracer
+from ...geometry.rays.packets import PacketHits
+from .tracing import Tracer
 
 _BEFORE_M, _BEHIND_M = 0.05, 0.08
 
 
-def exact_surface(tracer: Tracer, points_m: F32, normals: F32) -> Hits:
+def exact_surface(tracer: Tracer, points_m: F32, normals: F32) -> PacketHits:
     """Find the exact surface near points (N, 3) with unit normals (N, 3).
 
     Looks along the normal from 5 cm before to 8 cm behind the point; where that misses, takes
-    the nearest hit along the six axes. `Hits.distance_m` is not meaningful.
+    the nearest hit along the six axes. `depth` and `normal` of the hits are not meaningful.
     """
     hits = tracer.first(points_m + np.float32(_BEFORE_M) * normals, -normals, _BEFORE_M + _BEHIND_M)
-    missed = np.flatnonzero(hits.face < 0)
+    missed = np.flatnonzero(hits.prim < 0)
     if len(missed):
         best = np.full(len(missed), np.inf, dtype=np.float32)
         for axis in range(3):
@@ -25,10 +26,10 @@ def exact_surface(tracer: Tracer, points_m: F32, normals: F32) -> Hits:
                 direction = np.zeros((len(missed), 3), dtype=np.float32)
                 direction[:, axis] = sign
                 other = tracer.first(points_m[missed], direction, 0.3)
-                nearer = (other.face >= 0) & (other.distance_m < best)
-                best[nearer] = other.distance_m[nearer]
-                hits.face[missed[nearer]] = other.face[nearer]
-                hits.bary[missed[nearer]] = other.bary[nearer]
+                nearer = (other.prim >= 0) & (other.depth < best)
+                best[nearer] = other.depth[nearer]
+                hits.prim[missed[nearer]] = other.prim[nearer]
+                hits.u[missed[nearer]], hits.v[missed[nearer]] = other.u[nearer], other.v[nearer]
     return hits
 
 
@@ -37,15 +38,15 @@ def label_faces(mesh: ScanMesh, tracer: Tracer, face_object: I32) -> I32:
     centers = mesh.vertices[mesh.faces].mean(1).astype(np.float32)
     normals = smooth_normals(mesh, 1).astype(np.float32)
     hits = exact_surface(tracer, centers, normals)
-    label = np.where(hits.face >= 0, face_object[hits.face], -1).astype(np.int32)
+    label = np.where(hits.prim >= 0, face_object[hits.prim], -1).astype(np.int32)
     pairs = neighbours(mesh.faces)
     for _ in range(3):
         label = _majority(label, pairs)
     lost = np.flatnonzero(label < 0)
     if len(lost):
         # Nothing exact is near (a noisy speck): it belongs to the nearest labelled triangle.
-        known = np.flatnonzero(label >= 0)
-        label[lost] = label[known[KDTree(centers[known]).query(centers[lost])[1]]]
+        labelled = np.flatnonzero(label >= 0)
+        label[lost] = label[labelled[KDTree(centers[labelled]).query(centers[lost])[1]]]
     return label
 
 

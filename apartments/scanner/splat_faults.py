@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...formats.core.arrays import Array
-from ...formats.splats.record import GaussianCloud
+from ...formats.splats.record import GaussianCloud, joined
 from ..building.true_scene import TrueScene
 
 # Floaters for each square metre of floor, their sizes, lengths over widths, and opacities.
@@ -18,7 +18,7 @@ BACKGROUND, BACKGROUND_M, BACKGROUND_SIZE = 8_000, (20.0, 80.0), 0.03
 
 @dataclass(frozen=True)
 class Faults:
-    """What was planted.
+    """The faults that were planted.
 
     Attributes:
         floaters: number of Gaussians that belong to no surface.
@@ -39,7 +39,7 @@ def with_faults(
     spots = _spots(rng, cloud, round(SPOTS_PER_M2 * floor_m2))
     cloud = _thinned(rng, cloud, spots)
     count = round(FLOATERS_PER_M2 * floor_m2)
-    cloud = _joined(cloud, _floaters(rng, scene, count), _background(rng, scene))
+    cloud = joined([cloud, _floaters(rng, scene, count), _background(rng, scene)])
     return cloud, Faults(count, spots, BACKGROUND)
 
 
@@ -94,9 +94,3 @@ def _cloud(
         opacity=opacity.astype(np.float32),
         harmonics=rng.uniform(-1.2, 1.2, (len(position), 1, 3)).astype(np.float32),
     )
-
-
-def _joined(*clouds: GaussianCloud) -> GaussianCloud:
-    parts = ("position", "scale", "quat_wxyz", "opacity", "harmonics")
-    arrays = {name: np.concatenate([getattr(c, name) for c in clouds]) for name in parts}
-    return replace(clouds[0], **arrays)

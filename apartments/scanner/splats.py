@@ -19,7 +19,7 @@ from ...formats.splats.record import GaussianCloud
 from ..building.true_scene import TrueScene
 from ..config import ScanConfig
 from .appearance import Appearance
-from .light import Lighting, Lights
+from .light import Lighting, exposed, tangents
 from .stations import stations
 from .tracing import Tracer
 
@@ -27,8 +27,8 @@ from .tracing import Tracer
 SPREAD = 0.7
 THICKNESS_M, SCATTER_M, JITTER = 0.0025, 0.003, 0.15
 OPACITY = (0.82, 0.98)
-# Stations that are asked, nearest first, whether they see a place, and how far they see.
-ASKED, SIGHT_M, LIFT_M = (4, 6, 10), 7.0, 0.012
+# Stations that are tested together for whether they see a place, nearest first; how far they see.
+TESTED, SIGHT_M, LIFT_M = (4, 6, 10), 7.0, 0.012
 # Light is computed at so many places and interpolated between those nearest to a Gaussian.
 LIT_PLACES, LIT_NEAREST, LIGHT_RAYS = 30_000, 5, 24
 # A metre of distance weighs as much as so much difference of the normals.
@@ -43,8 +43,8 @@ def place_splats(
     eyes = np.concatenate(
         [stations(rng, plan, tracer, config.station_spacing_m) for plan in scene.storeys]
     )
-    looks = Appearance.of(scene)
-    panes = looks.emissive[scene.shape.material]
+    surface = Appearance.of(scene)
+    panes = surface.emissive[scene.shape.material]
     corners = scene.shape.corners
     normals = triangle_normals(corners)
     usable = np.flatnonzero(triangle_areas(corners) > 1e-8)
@@ -57,10 +57,10 @@ def place_splats(
     keep = side != 0
     face, bary, point, side = face[keep], bary[keep], point[keep], side[keep]
     normal = (normals[face] * side[:, None]).astype(np.float32)
-    light = _light(rng, scene, tracer, looks, point, normal)
+    light = _light(rng, Lighting(rng, scene, tracer, surface), point, normal)
     light[panes[face]] = 1.0
-    rgb = looks.color(face.astype(np.int32), bary).astype(np.float32) / 255
-    rgb *= np.clip(light, 0.02, 2.2) ** np.float32(1 / 2.2)
+    rgb = surface.color(face.astype(np.int32), bary).astype(np.float32) / 255
+    rgb *= exposed(light)
     axes = _axes(normals)
     turn = matrix_to_quat(axes)[face].astype(np.float32)
     jitter = rng.normal(0, 1, point.shape) * (JITTER * spacing, JITTER * spacing, SCATTER_M)
@@ -79,14 +79,14 @@ def seen_from(tracer: Tracer, eyes_m: Array, points_m: Floats, normals: Floats) 
     """Return (N,) 1 or −1: the side of the normal from which a station sees the point; 0 = none."""
     side = np.zeros(len(points_m), dtype=np.int8)
     tree = KDTree(eyes_m)
-    asked = 0
-    for more in ASKED:
-        count = min(asked + more, len(eyes_m))
+    done = 0
+    for more in TESTED:
+        count = min(done + more, len(eyes_m))
         rest = np.flatnonzero(side == 0)
-        if count <= asked or not len(rest):
+        if count <= done or not len(rest):
             break
-        # The stubs know only a number for k; a list asks for these ranks alone.
-        ranks: Any = list(range(asked + 1, count + 1))
+        # The stubs know only a number for k; a list returns these ranks alone.
+        ranks: Any = list(range(done + 1, count + 1))
         nearest = np.asarray(tree.query(points_m[rest], k=ranks)[1])
         for column in range(nearest.shape[1]):
             open_ = side[rest] == 0
@@ -102,27 +102,18 @@ def seen_from(tracer: Tracer, eyes_m: Array, points_m: Floats, normals: Floats) 
             distance = np.linalg.norm(toward, axis=1)
             hidden = tracer.blocked(start, toward / distance[:, None], distance)
             side[todo[~hidden]] = which[~hidden]
-        asked = count
+        done = count
     return side
 
 
-def _light(
-    rng: np.random.Generator,
-    scene: TrueScene,
-    tracer: Tracer,
-    looks: Appearance,
-    points: Array,
-    normals: F32,
-) -> F32:
+def _light(rng: np.random.Generator, lighting: Lighting, points: Array, normals: F32) -> F32:
     """Return the light (N, 3) at points with unit normals: soft light interpolated, sun exact."""
-    panes = looks.emissive[scene.shape.material]
-    lighting = Lighting(tracer, Tracer(scene.shape.corners[~panes]), looks, Lights.of(rng, scene))
     places = rng.choice(len(points), min(LIT_PLACES, len(points)), replace=False)
     at = points.astype(np.float32)
     soft = lighting.soft(rng, at[places], normals[places], LIGHT_RAYS)
     where = np.c_[points, NORMAL_WEIGHT_M * normals]
-    found = KDTree(where[places]).query(where, k=min(LIT_NEAREST, len(places)))
-    distance, near = np.asarray(found[0]), np.asarray(found[1])
+    tree = KDTree(where[places])
+    distance, near = map(np.asarray, tree.query(where, k=min(LIT_NEAREST, len(places))))
     weight = 1 / (distance**2 + 1e-4)
     weight /= weight.sum(1, keepdims=True)
     light = np.einsum("nk,nki->ni", weight, soft[near]).astype(np.float32)
@@ -131,11 +122,7 @@ def _light(
 
 def _axes(normals: Array) -> Array:
     """Return rotations (F, 3, 3) whose third column is the normal."""
-    helper = np.where(np.abs(normals[:, 2:]) < 0.9, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0))
-    across = np.cross(helper, normals)
-    length = np.linalg.norm(across, axis=1, keepdims=True)
-    across = np.where(length > 1e-9, across / np.maximum(length, 1e-9), (1.0, 0.0, 0.0))
-    return np.stack([across, np.cross(normals, across), normals], axis=2).astype(np.float64)
+    return np.stack([*tangents(normals), normals], axis=2).astype(np.float64)
 
 
 def _on_grid(corners: Array, normals: Array, faces: I64, spacing: float) -> tuple[I64, F32, Array]:
@@ -143,8 +130,7 @@ def _on_grid(corners: Array, normals: Array, faces: I64, spacing: float) -> tupl
     axes = _axes(normals[faces])
     flat = np.einsum("fki,fij->fkj", corners[faces], axes[:, :, :2])
     counts = np.zeros(len(faces), dtype=np.int64)
-    none = np.zeros((0, 3))
-    _fill(flat, spacing, counts, np.zeros(0, dtype=np.int64), none)
+    _fill(flat, spacing, counts, np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     starts = np.cumsum(counts) - counts
     out = np.empty((int(counts.sum()), 3))
     _fill(flat, spacing, counts, starts, out)

@@ -33,13 +33,8 @@ class View:
 
 def look(position_m: Array, yaw_rad: float, pitch_rad: float) -> View:
     """Return a level camera at `position_m` that looks along yaw and pitch (up positive)."""
-    forward = np.array(
-        [
-            np.cos(yaw_rad) * np.cos(pitch_rad),
-            np.sin(yaw_rad) * np.cos(pitch_rad),
-            np.sin(pitch_rad),
-        ]
-    )
+    flat = np.array([np.cos(yaw_rad), np.sin(yaw_rad)]) * np.cos(pitch_rad)
+    forward = np.append(flat, np.sin(pitch_rad))
     right = np.array([np.sin(yaw_rad), -np.cos(yaw_rad), 0.0])
     return View(position_m, np.stack([right, np.cross(forward, right), forward], axis=1))
 
@@ -61,7 +56,7 @@ def _standing(tracer: Tracer, points: Array, floor_z_m: float) -> Mask:
 
 def stations(rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_m: float) -> Array:
     """Return camera positions (N, 3) [m] over the free floor of every room, and in doorways."""
-    found: list[Array] = []
+    positions: list[Array] = []
     for room in plan.rooms:
         count = np.maximum(np.ceil(room.size_m / _LATTICE_M), 2).astype(int)
         cells = np.stack(np.meshgrid(*(np.arange(n) + 0.5 for n in count)), -1).reshape(-1, 2)
@@ -70,15 +65,15 @@ def stations(rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_
             cells + rng.uniform(-0.08, 0.08, cells.shape),
             rng.uniform(*_HEIGHT_M, len(cells)) + plan.floor_z_m,
         ]
-        found += _spread(points[_standing(tracer, points, plan.floor_z_m)], spacing_m)
+        positions += _spread(points[_standing(tracer, points, plan.floor_z_m)], spacing_m)
     for door in plan.openings:
         if door.kind in ("door", "passage") and door.room < door.other_room:
             place = wall_frame(plan.rooms[door.room], door.axis, door.sign)
             height = plan.floor_z_m + 1.5
-            found.append(place((door.start_m + door.end_m) / 2, plan.wall_m / 2, height))
+            positions.append(place((door.start_m + door.end_m) / 2, plan.wall_m / 2, height))
     for stairs in (b for b in plan.blocks if b.kind == "stairs"):
-        found += [np.array(position) for position in eyes_on_stairs(stairs)]
-    return np.array(found)
+        positions += [np.array(eye) for eye in eyes_on_stairs(stairs)]
+    return np.array(positions)
 
 
 def _spread(points: Array, spacing_m: float) -> list[Array]:

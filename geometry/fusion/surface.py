@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
-from ...formats.core.arrays import F32, I32, I64, Array
+from ...formats.core.arrays import F32, I32, I64, Array, Floats
 from ...formats.core.geometry import triangle_normals_and_areas
 from .volume import DistanceVolume
 
@@ -53,11 +53,9 @@ def extract(
     """Run marching cubes over fully seen cells; remove specks; decimate to `target_faces`."""
     mesh = _march(volume, least_weight)
     mesh = without_specks(mesh, _SMALLEST_PATCH)
-    reduction = 1.0 - target_faces / max(len(mesh.faces), 1)
+    reduction = float(1.0 - target_faces / max(len(mesh.faces), 1))
     if reduction > 0:
-        points, faces = fast_simplification.simplify(mesh.vertices, mesh.faces, float(reduction))[
-            :2
-        ]
+        points, faces = fast_simplification.simplify(mesh.vertices, mesh.faces, reduction)[:2]
         mesh = ScanMesh(np.asarray(points, dtype=np.float64), np.asarray(faces, dtype=np.int32))
     return without_specks(_tidy(mesh), 12)
 
@@ -67,26 +65,22 @@ def _march(volume: DistanceVolume, least_weight: float) -> ScanMesh:
     high = np.where(seen, volume.value, np.float32(9))
     low = np.where(seen, volume.value, np.float32(-9))
     for axis in range(3):
-        high = np.maximum(_lead(high, axis), _trail(high, axis))
-        low = np.minimum(_lead(low, axis), _trail(low, axis))
-    good = (high - low < _STEEPEST) & (high > 0) & (low < 0)
+        high = np.maximum(*_neighbours_along(high, axis))
+        low = np.minimum(*_neighbours_along(low, axis))
     mask = np.zeros(volume.value.shape, dtype=bool)
     # scikit-image looks at the mask of a cell's last corner.
-    mask[1:, 1:, 1:] = good
+    mask[1:, 1:, 1:] = (high - low < _STEEPEST) & (high > 0) & (low < 0)
     points, faces, *_ = marching_cubes(
         volume.value, 0.0, mask=mask, gradient_direction="descent", allow_degenerate=False
     )
-    return ScanMesh(
-        points.astype(np.float64) * volume.voxel_m + volume.origin_m, faces.astype(np.int32)
-    )
+    vertices = points.astype(np.float64) * volume.voxel_m + volume.origin_m
+    return ScanMesh(vertices, faces.astype(np.int32))
 
 
-def _lead(field: F32, axis: int) -> F32:
-    return field[tuple(slice(None, -1) if k == axis else slice(None) for k in range(3))]
-
-
-def _trail(field: F32, axis: int) -> F32:
-    return field[tuple(slice(1, None) if k == axis else slice(None) for k in range(3))]
+def _neighbours_along(field: F32, axis: int) -> tuple[F32, F32]:
+    """Return all but the last and all but the first of a field's values along an axis."""
+    along = np.moveaxis(field, axis, 0)
+    return np.moveaxis(along[:-1], 0, axis), np.moveaxis(along[1:], 0, axis)
 
 
 def _tidy(mesh: ScanMesh) -> ScanMesh:
@@ -127,22 +121,25 @@ def neighbours(faces: I32) -> I64:
 
 def pieces(count: int, pairs: NDArray[np.integer[Any]]) -> I32:
     """Return the connected component (count,) of each of `count` items."""
-    graph = coo_matrix(
-        (np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])), shape=(count, count)
-    )
-    return connected_components(graph, directed=False)[1]
+    edges = np.ones(len(pairs), dtype=np.int8), (pairs[:, 0], pairs[:, 1])
+    return connected_components(coo_matrix(edges, shape=(count, count)), directed=False)[1]
 
 
 def smooth_normals(mesh: ScanMesh, rounds: int) -> Array:
     """Return unit face normals (F, 3), area-averaged over `rounds` rings of neighbours."""
     normals, area = mesh.normals()
     for _ in range(rounds):
-        at_vertex = np.zeros_like(mesh.vertices)
-        for axis in range(3):
-            weighted = np.repeat(normals[:, axis] * area, 3)
-            at_vertex[:, axis] = np.bincount(
-                mesh.faces.ravel(), weighted, minlength=len(mesh.vertices)
-            )
-        normals = at_vertex[mesh.faces].sum(1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+        weighted = np.repeat(normals * area[:, None], 3, axis=0)
+        at_vertex = sums(mesh.faces.ravel(), weighted, len(mesh.vertices))
+        normals = unit(at_vertex[mesh.faces].sum(1))
     return normals
+
+
+def sums(index: I32 | I64, values: Floats, count: int) -> Array:
+    """Return the sums (count, 3) of the values (N, 3) that have each index (N,)."""
+    return np.stack([np.bincount(index, values[:, k], count) for k in range(3)], axis=1)
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (N, 3) in unit length; (almost) zero stays so."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12)

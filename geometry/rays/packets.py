@@ -44,6 +44,11 @@ class PacketHits(NamedTuple):
     depth: F32
     normal: F32
 
+    @property
+    def bary(self) -> F32:
+        """Return the weights (N, 2) of the triangles' second and third corners."""
+        return np.stack([self.u, self.v], axis=1)
+
 
 class PacketScene:
     """The ray structure of one triangle mesh.
@@ -75,10 +80,10 @@ class PacketScene:
         self.arguments, self._scattered = np.zeros((2, 16), dtype=np.int32)
         self.arguments[:2], self._scattered[:2] = (_COHERENT, -1), (0, -1)
 
-    @classmethod
-    def of_corners(cls, corners: Floats) -> "PacketScene":
+    @staticmethod
+    def of_corners(corners: Floats) -> "PacketScene":
         """Build the ray structure of loose triangles (F, 3, 3) [m]."""
-        return cls(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
+        return PacketScene(corners.reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3))
 
     def trace(
         self, *, origins: Floats, directions: Floats, far: F32, coherent: bool = True

@@ -192,8 +192,8 @@ def test_tracer_measures_a_wall() -> None:
     start = np.zeros((3, 3), np.float32)
     rays = np.array([[1, 0, 0], [-1, 0, 0], [0.8, 0.6, 0]], np.float32)
     hits = tracer.first(start, rays, 10.0)
-    assert hits.face.tolist() == [0, -1, 0]
-    assert hits.distance_m[[0, 2]] == pytest.approx([2.0, 2.5])
+    assert hits.prim.tolist() == [0, -1, 0]
+    assert hits.depth[[0, 2]] == pytest.approx([2.0, 2.5])
     reach = np.array([1.9, 9, 3], np.float32)
     assert tracer.blocked(start, rays, reach).tolist() == [False, False, True]
     assert tracer.distance(start, rays, 5.0) == pytest.approx([2.0, 5.0, 2.5])

@@ -86,7 +86,7 @@ def test_a_room_looks_closed_and_its_depth_is_exact(cloud: GaussianCloud, truth:
     length = np.linalg.norm(rays, axis=1)
     rays = (rays / length[:, None]) @ down.T
     hits = Tracer(truth.shape.corners).first(np.tile(eye_m, (1600, 1)), rays, 9.0)
-    true = (hits.distance_m * eye.camera.focal_px / length).reshape(40, 40)
+    true = (hits.depth * eye.camera.focal_px / length).reshape(40, 40)
     assert np.median(image.light) < 0.05
     assert np.median(np.abs(image.median_m - true)) < 0.006
 

@@ -27,10 +27,8 @@ def bathtub(kit: Kit, rng: np.random.Generator) -> Piece:
 def toilet(kit: Kit, rng: np.random.Generator) -> Piece:
     """Return a toilet with cistern, bowl and lid."""
     white = kit.ceramic
-    bowl = turned(
-        [(0.13, 0.0), (0.12, 0.16), (0.19, 0.36), (0.2, 0.41), (0.001, 0.42)], (0.0, 0.0), white
-    )
-    bowl = type(bowl)(bowl.corners * np.array([0.95, 1.25, 1.0]), bowl.uv, bowl.material)
+    profile = [(0.13, 0.0), (0.12, 0.16), (0.19, 0.36), (0.2, 0.41), (0.001, 0.42)]
+    bowl = turned(profile, (0.0, 0.0), white).scaled((0.95, 1.25, 1.0))
     parts = [
         soft_box((-0.2, 0.0, 0.38), (0.2, 0.18, 0.8), 0.04, white),
         box((-0.11, 0.06, 0.0), (0.11, 0.3, 0.4), white),
@@ -70,13 +68,10 @@ def washing_machine(kit: Kit, rng: np.random.Generator) -> Piece:
     parts = [
         box((-0.3, 0.02, 0.02), (0.3, 0.58, 0.86), kit.white),
         quad((0.3, 0.585, 0.02), (-0.6, 0, 0), (0, 0, 0.84), face),
-        *(
-            soft_box(
-                (-0.22, 0.1, 0.86 + 0.06 * k), (0.16, 0.42, 0.92 + 0.06 * k), 0.02, kit.cloth(k + 2)
-            )
-            for k in range(3)
-        ),
     ]
+    for k in range(3):
+        low, high = (-0.22, 0.1, 0.86 + 0.06 * k), (0.16, 0.42, 0.92 + 0.06 * k)
+        parts.append(soft_box(low, high, 0.02, kit.cloth(k + 2)))
     return Piece("Washing_machine", "washing machine", join(parts))
 
 

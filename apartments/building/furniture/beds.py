@@ -1,5 +1,7 @@
 """Beds with their nightstands."""
 
+from itertools import product
+
 import numpy as np
 
 from ...materials.kit import Kit
@@ -15,38 +17,23 @@ def bed(kit: Kit, rng: np.random.Generator, width: float) -> Piece:
     w, length = width / 2, 2.05
     padded = rng.random() < 0.5
     head_height = float(rng.uniform(0.95, 1.2))
-    headboard = (
-        soft_box((-w - 0.04, 0.0, 0.05), (w + 0.04, 0.11, head_height), 0.05, kit.cloth(k + 1))
-        if padded
-        else box((-w - 0.03, 0.0, 0.0), (w + 0.03, 0.06, head_height), wood)
-    )
-    parts = [
-        headboard,
-        box((-w, 0.06, 0.1), (w, length, 0.28), wood),
-        *(
-            box((x - 0.04, y - 0.04, 0.0), (x + 0.04, y + 0.04, 0.12), wood)
-            for x in (-w + 0.08, w - 0.08)
-            for y in (0.2, length - 0.08)
-        ),
-        soft_box(
-            (-w + 0.02, 0.09, 0.26),
-            (w - 0.02, length - 0.02, 0.48),
-            0.05,
-            kit.plain("sheet", (236, 235, 230)),
-        ),
+    if padded:
+        high = (w + 0.04, 0.11, head_height)
+        headboard = soft_box((-w - 0.04, 0.0, 0.05), high, 0.05, kit.cloth(k + 1))
+    else:
+        headboard = box((-w - 0.03, 0.0, 0.0), (w + 0.03, 0.06, head_height), wood)
+    parts = [headboard, box((-w, 0.06, 0.1), (w, length, 0.28), wood)]
+    for x, y in product((-w + 0.08, w - 0.08), (0.2, length - 0.08)):
+        parts.append(box((x - 0.04, y - 0.04, 0.0), (x + 0.04, y + 0.04, 0.12), wood))
+    sheet, throw = kit.plain("sheet", (236, 235, 230)), kit.blanket(k + 2)
+    parts += [
+        soft_box((-w + 0.02, 0.09, 0.26), (w - 0.02, length - 0.02, 0.48), 0.05, sheet),
         soft_box((-w - 0.02, 0.62, 0.3), (w + 0.02, length + 0.02, 0.56), 0.06, linen, 0.012, 8),
-        box(
-            (-w - 0.035, length - 0.62, 0.3), (w + 0.035, length - 0.22, 0.592), kit.blanket(k + 2)
-        ),
+        box((-w - 0.035, length - 0.62, 0.3), (w + 0.035, length - 0.22, 0.592), throw),
     ]
-    pillows = [0.0] if width < 1.2 else [-w / 2, w / 2]
-    for x in pillows:
-        half = min(0.32, w - 0.08)
-        parts.append(
-            soft_box(
-                (x - half, 0.14, 0.46), (x + half, 0.56, 0.62), 0.07, kit.linen(k, style), 0.03
-            )
-        )
+    half = min(0.32, w - 0.08)
+    for x in [0.0] if width < 1.2 else [-w / 2, w / 2]:
+        parts.append(soft_box((x - half, 0.14, 0.46), (x + half, 0.56, 0.62), 0.07, linen, 0.03))
         parts.append(soft_box((x - 0.2, 0.42, 0.52), (x + 0.2, 0.6, 0.78), 0.07, kit.cloth(k + 2)))
     return Piece("Bed", "bed", join(parts))
 

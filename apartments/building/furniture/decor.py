@@ -15,11 +15,8 @@ def plant(kit: Kit, rng: np.random.Generator) -> Piece:
     """Return a pot plant: trunk, a crown of leafy lumps."""
     height = float(rng.uniform(0.9, 1.6))
     color = [(206, 200, 190), (160, 92, 66), (70, 76, 84)][int(rng.integers(3))]
-    pot = turned(
-        [(0.11, 0.0), (0.15, 0.28), (0.16, 0.3), (0.14, 0.3), (0.13, 0.26), (0.001, 0.26)],
-        (0.0, 0.24),
-        kit.plain(f"pot {color}", color),
-    )
+    profile = [(0.11, 0.0), (0.15, 0.28), (0.16, 0.3), (0.14, 0.3), (0.13, 0.26), (0.001, 0.26)]
+    pot = turned(profile, (0.0, 0.24), kit.plain(f"pot {color}", color))
     parts = [pot, cylinder((0.0, 0.24), 0.25, 0.7 * height, 0.03, kit.wood(1), 8)]
     for _ in range(int(rng.integers(34, 48))):
         a, r = rng.uniform(0, 2 * np.pi), 0.26 * np.sqrt(rng.random()) * (0.75 + 0.25 * height)
@@ -58,14 +55,10 @@ def rug(kit: Kit, rng: np.random.Generator, width: float, depth: float) -> Piece
     """Return a flat rug centred on the origin."""
     start = int(rng.integers(8))
     colors = [kit.cloth_color(start + k) for k in (0, 2, 5)]
-    image = kit.palette.unique("rug", lambda r, s: rug_image(r, s, colors), (width, depth))
-    top = quad((-width / 2, -depth / 2, 0.008), (width, 0, 0), (0, depth, 0), image)
-    edge = box(
-        (-width / 2, -depth / 2, 0.0),
-        (width / 2, depth / 2, 0.007),
-        kit.plain("rug back", colors[0]),
-    )
-    return Piece("Rug", "rug", join([edge, top]))
+    image = kit.palette.unique("rug", rug_image, (width, depth), colors)
+    w, d, back = width / 2, depth / 2, kit.plain("rug back", colors[0])
+    top = quad((-w, -d, 0.008), (width, 0, 0), (0, depth, 0), image)
+    return Piece("Rug", "rug", join([box((-w, -d, 0.0), (w, d, 0.007), back), top]))
 
 
 def picture(kit: Kit, rng: np.random.Generator) -> Piece:
@@ -106,10 +99,8 @@ def coat_rack(kit: Kit, rng: np.random.Generator) -> Piece:
     for k, x in enumerate(np.linspace(-0.4, 0.4, 5)):
         parts.append(rod((x, 0.02, 0.0), (x, 0.08, 0.02), 0.025, kit.black))
         if rng.random() < 0.65:
-            length = float(rng.uniform(0.6, 0.95))
-            parts.append(
-                ellipsoid((x, 0.08, -length / 2), (0.11, 0.065, length / 2), kit.cloth(k + 1))
-            )
+            half = float(rng.uniform(0.6, 0.95)) / 2
+            parts.append(ellipsoid((x, 0.08, -half), (0.11, 0.065, half), kit.cloth(k + 1)))
     return Piece("Coat_rack", "coat rack", join(parts))
 
 
@@ -117,26 +108,18 @@ def curtain(kit: Kit, width: float, bottom: float, top: float, k: int) -> Piece:
     """Return a gathered curtain centred on x = 0, 5–11 cm before the wall."""
     x = np.linspace(-width / 2, width / 2, 33)
     y = 0.075 + 0.03 * np.cos(np.linspace(0, 2 * np.pi * max(round(width / 0.12), 2), 33))
-    cloth = kit.cloth(k)
+    cloth, up = kit.cloth(k), (0, 0, top - bottom)
     parts = [
-        quad(
-            (x[i + 1], y[i + 1], bottom),
-            (x[i] - x[i + 1], y[i] - y[i + 1], 0.0),
-            (0, 0, top - bottom),
-            cloth,
-        )
-        for i in range(32)
+        quad((x1, y1, bottom), (x0 - x1, y0 - y1, 0.0), up, cloth)
+        for (x0, y0), (x1, y1) in pairwise(zip(x, y, strict=True))
     ]
     return Piece("Curtain", "curtain", join(parts))
 
 
 def curtain_rod(kit: Kit, width: float, z: float) -> Piece:
     """Return the rod above a window."""
-    return Piece(
-        "Curtain_rod",
-        "curtain rod",
-        rod((-width / 2, 0.075, z), (width / 2, 0.075, z), 0.035, kit.brass),
-    )
+    shape = rod((-width / 2, 0.075, z), (width / 2, 0.075, z), 0.035, kit.brass)
+    return Piece("Curtain_rod", "curtain rod", shape)
 
 
 def radiator(kit: Kit, width: float, top: float) -> Piece:

@@ -1,8 +1,11 @@
 """Kitchen: counter with sink and stove, wall cupboards, refrigerator."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ...materials import pictures
+from ...materials.floors import tiles
 from ...materials.kit import Kit
 from ..shapes import Triangles, box, cylinder, join, quad, turned
 from .piece import Arrangement, Piece
@@ -31,47 +34,29 @@ def counter(
         box((base0, 0.0, 0.1), (base1, 0.58, 0.86), body),
         box((base0, 0.0, 0.0), (base1, 0.52, 0.1), kit.black),
         box((base0 - 0.005, 0.0, 0.86), (base1 + 0.01, 0.62, 0.9), stone),
-        _face(base0, base1, 0.02, 0.9, 1.42, _splash(kit, cabinets)),
+        _face(base0, base1, 0.02, 0.9, 1.42, _splash(kit)),
     ]
     for x0, x1 in ((base0, stove0), (stove0 + 0.6, base1)):
         if x1 - x0 > 0.2:
             leaves = max(round((x1 - x0) / 0.5), 1)
             front = kit.front(x1 - x0, 0.74, 1, leaves, k)
             parts.append(_face(x0, x1, 0.585, 0.11, 0.85, front))
-    parts.append(
-        _face(
-            stove0,
-            stove0 + 0.6,
-            0.587,
-            0.13,
-            0.85,
-            kit.palette.unique("oven", pictures.oven, (0.6, 0.72)),
-        )
-    )
+    oven = kit.palette.unique("oven", pictures.oven, (0.6, 0.72))
+    parts.append(_face(stove0, stove0 + 0.6, 0.587, 0.13, 0.85, oven))
     parts.append(box((stove0 + 0.03, 0.06, 0.9), (stove0 + 0.57, 0.55, 0.912), kit.black))
+    ring = kit.plain("ring", (74, 30, 28))
     for x, y, r in ((0.17, 0.18, 0.09), (0.43, 0.18, 0.07), (0.17, 0.42, 0.07), (0.43, 0.42, 0.09)):
-        parts.append(
-            cylinder((stove0 + x, y), 0.912, 0.918, r, kit.plain("ring", (74, 30, 28)), 16)
-        )
-    parts += [
-        turned(
-            [(0.001, 0.93), (0.1, 0.92), (0.105, 1.04), (0.095, 1.04)],
-            (stove0 + 0.17, 0.18),
-            kit.metal,
-        )
-    ]
+        parts.append(cylinder((stove0 + x, y), 0.912, 0.918, r, ring, 16))
+    pot = [(0.001, 0.93), (0.1, 0.92), (0.105, 1.04), (0.095, 1.04)]
+    parts.append(turned(pot, (stove0 + 0.17, 0.18), kit.metal))
     # The sink: a rim around a basin that is set on the worktop's cut-out.
-    rim = [
+    basin = kit.plain("basin", (112, 116, 120))
+    parts += [
         box((sink0, 0.1, 0.895), (sink0 + 0.56, 0.53, 0.915), kit.metal),
-        box(
-            (sink0 + 0.05, 0.14, 0.905),
-            (sink0 + 0.5, 0.48, 0.918),
-            kit.plain("basin", (112, 116, 120)),
-        ),
+        box((sink0 + 0.05, 0.14, 0.905), (sink0 + 0.5, 0.48, 0.918), basin),
         cylinder((sink0 + 0.28, 0.07), 0.9, 1.18, 0.022, kit.metal, 8),
         box((sink0 + 0.262, 0.07, 1.15), (sink0 + 0.298, 0.28, 1.18), kit.metal),
     ]
-    parts += rim
     parts += bowl(kit, base0 + 0.1 * cabinets, 0.32, 0.9, k)
     if base1 - stove0 - 0.6 > 0.3:
         x = stove0 + 0.75
@@ -85,10 +70,9 @@ def counter(
         for x0, x1 in ((base0, stove0), (stove0 + 0.6, base1)):
             if x1 - x0 > 0.25:
                 leaves = max(round((x1 - x0) / 0.45), 1)
+                doors = kit.front(x1 - x0, 0.65, 1, leaves, k)
                 cupboards.append(box((x0, 0.0, 1.45), (x1, 0.33, 2.12), body))
-                cupboards.append(
-                    _face(x0, x1, 0.334, 1.46, 2.11, kit.front(x1 - x0, 0.65, 1, leaves, k))
-                )
+                cupboards.append(_face(x0, x1, 0.334, 1.46, 2.11, doors))
         pieces.append(Piece("Wall_cupboard", "wall cupboard", join(cupboards)))
         hood = [
             box((stove0 + 0.02, 0.0, 1.6), (stove0 + 0.58, 0.48, 1.68), kit.metal),
@@ -96,7 +80,7 @@ def counter(
         ]
         pieces.append(Piece("Range_hood", "range hood", join(hood)))
     if flip < 0:
-        pieces = [Piece(p.name, p.category, _mirrored(p.shape)) for p in pieces]
+        pieces = [replace(p, shape=p.shape.scaled((-1.0, 1.0, 1.0))) for p in pieces]
     return Arrangement(tuple(pieces), 0.75)
 
 
@@ -111,20 +95,10 @@ def refrigerator(kit: Kit) -> Piece:
     return Piece("Refrigerator", "refrigerator", join(shape))
 
 
-def _mirrored(shape: Triangles) -> Triangles:
-    return Triangles(shape.corners * np.array([-1.0, 1.0, 1.0]), shape.uv, shape.material)
-
-
-def _splash(kit: Kit, width: float) -> int:
-    from ...materials.floors import tiles
-
-    color = kit.cloth_color(1)
-    pale = tuple(int(170 + 0.33 * c) for c in color)
-    return kit.palette.get(
-        "splash",
-        lambda r, s: tiles(r, s, (10, 6), pale, grout=(232, 230, 226), offset=True, grout_px=1.3),
-        (0.9, 0.75),
-    )
+def _splash(kit: Kit) -> int:
+    pale = tuple(int(170 + 0.33 * c) for c in kit.cloth_color(1))
+    joints = {"grout": (232, 230, 226), "offset": True, "grout_px": 1.3}
+    return kit.palette.get("splash", tiles, (0.9, 0.75), (10, 6), pale, **joints)
 
 
 def _fridge(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:

@@ -52,17 +52,9 @@ def conference_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangemen
     wood = kit.wood(int(rng.integers(3)))
     half = seats // 2
     w, d = 0.375 * half + 0.1, 0.5
-    table = [
-        box((-w, -d, 0.71), (w, d, 0.75), wood),
-        *(
-            box(
-                (sx * (w - 0.35) - 0.04, -d + 0.2, 0.0),
-                (sx * (w - 0.35) + 0.04, d - 0.2, 0.71),
-                kit.black,
-            )
-            for sx in (-1, 1)
-        ),
-    ]
+    table = [box((-w, -d, 0.71), (w, d, 0.75), wood)]
+    for x in (-w + 0.35, w - 0.35):
+        table.append(box((x - 0.04, -d + 0.2, 0.0), (x + 0.04, d - 0.2, 0.71), kit.black))
     pieces = [Piece("Conference_table", "conference table", join(table))]
     for side in range(2):
         for k in range(half):
@@ -75,20 +67,14 @@ def conference_set(kit: Kit, rng: np.random.Generator, seats: int) -> Arrangemen
 
 def whiteboard(kit: Kit, rng: np.random.Generator) -> Piece:
     """Return a whiteboard on a stand with feet, at the wall."""
-    w = float(rng.uniform(0.6, 0.8))
+    w, metal = float(rng.uniform(0.6, 0.8)), kit.metal
+    white = kit.plain("whiteboard", (244, 245, 245))
+    posts = (-w + 0.1, w - 0.1)
     parts = [
-        box((-w, 0.06, 0.85), (w, 0.09, 1.85), kit.metal),
-        quad(
-            (w - 0.03, 0.093, 0.88),
-            (-2 * w + 0.06, 0, 0),
-            (0, 0, 0.94),
-            kit.plain("whiteboard", (244, 245, 245)),
-        ),
-        *(
-            box((x - 0.03, 0.05, 0.0), (x + 0.03, 0.1, 0.85), kit.metal)
-            for x in (-w + 0.1, w - 0.1)
-        ),
-        *(box((x - 0.03, 0.0, 0.0), (x + 0.03, 0.4, 0.05), kit.metal) for x in (-w + 0.1, w - 0.1)),
+        box((-w, 0.06, 0.85), (w, 0.09, 1.85), metal),
+        quad((w - 0.03, 0.093, 0.88), (-2 * w + 0.06, 0, 0), (0, 0, 0.94), white),
+        *(box((x - 0.03, 0.05, 0.0), (x + 0.03, 0.1, 0.85), metal) for x in posts),
+        *(box((x - 0.03, 0.0, 0.0), (x + 0.03, 0.4, 0.05), metal) for x in posts),
     ]
     return Piece("Whiteboard", "whiteboard", join(parts))
 

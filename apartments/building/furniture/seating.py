@@ -1,5 +1,7 @@
 """Sofas and chairs."""
 
+from itertools import product
+
 import numpy as np
 
 from ...materials.kit import Kit
@@ -10,12 +12,8 @@ from .piece import Piece
 def _legs(
     x: float, y0: float, y1: float, height: float, side: float, material: int
 ) -> list[Triangles]:
-    h = side / 2
-    return [
-        box((sx * x - h, y - h, 0.0), (sx * x + h, y + h, height), material)
-        for sx in (-1, 1)
-        for y in (y0, y1)
-    ]
+    h, places = side / 2, product((-x, x), (y0, y1))
+    return [box((a - h, y - h, 0.0), (a + h, y + h, height), material) for a, y in places]
 
 
 def sofa(kit: Kit, rng: np.random.Generator, seats: int = 3) -> Piece:
@@ -41,13 +39,9 @@ def sofa(kit: Kit, rng: np.random.Generator, seats: int = 3) -> Piece:
         x = side * (w - arm - 0.26)
         parts.append(pillow.tilted(0.35, (0, 0, 0)).moved(side * 0.25, (x, 0.45, 0.67)))
     if rng.random() < 0.6:
-        x = float(rng.uniform(-0.5, 0.3)) * seat
-        parts.append(
-            box((x, depth - 0.34, 0.475), (x + 0.5, depth + 0.012, 0.5), kit.blanket(k + 1))
-        )
-        parts.append(
-            box((x, depth - 0.005, 0.14), (x + 0.5, depth + 0.02, 0.5), kit.blanket(k + 1))
-        )
+        x, throw = float(rng.uniform(-0.5, 0.3)) * seat, kit.blanket(k + 1)
+        parts.append(box((x, depth - 0.34, 0.475), (x + 0.5, depth + 0.012, 0.5), throw))
+        parts.append(box((x, depth - 0.005, 0.14), (x + 0.5, depth + 0.02, 0.5), throw))
     return Piece("Sofa", "sofa", join(parts))
 
 
@@ -105,9 +99,8 @@ def office_chair(kit: Kit, rng: np.random.Generator) -> Piece:
 def pouf(kit: Kit, rng: np.random.Generator) -> Piece:
     """Return a round upholstered stool."""
     cloth = kit.cloth(int(rng.integers(8)))
-    return Piece(
-        "Pouf", "pouf", soft_box((-0.25, 0.0, 0.0), (0.25, 0.5, 0.4), 0.14, cloth, 0.03, steps=8)
-    )
+    shape = soft_box((-0.25, 0.0, 0.0), (0.25, 0.5, 0.4), 0.14, cloth, 0.03, steps=8)
+    return Piece("Pouf", "pouf", shape)
 
 
 def bench(kit: Kit, rng: np.random.Generator) -> Piece:

@@ -1,5 +1,7 @@
 """Tables and what stands on them."""
 
+from itertools import product
+
 import numpy as np
 
 from ...materials import pictures
@@ -15,54 +17,35 @@ def _frame(
     inset = leg / 2 + 0.04
     legs = [
         box((x - leg / 2, y - leg / 2, 0.0), (x + leg / 2, y + leg / 2, height - top), wood)
-        for x in (-w + inset, w - inset)
-        for y in (y0 + inset, y1 - inset)
+        for x, y in product((-w + inset, w - inset), (y0 + inset, y1 - inset))
     ]
     return [box((-w, y0, height - top), (w, y1, height), wood), *legs]
 
 
 def bowl(kit: Kit, x: float, y: float, z: float, k: int) -> list[Triangles]:
     """Return a fruit bowl."""
-    rim = turned(
-        [(0.001, z + 0.01), (0.06, z), (0.13, z + 0.07), (0.12, z + 0.075), (0.05, z + 0.02)],
-        (x, y),
-        kit.plain("glaze", (196, 202, 204)),
-    )
+    rim = [(0.001, z + 0.01), (0.06, z), (0.13, z + 0.07), (0.12, z + 0.075), (0.05, z + 0.02)]
+    parts = [turned(rim, (x, y), kit.plain("glaze", (196, 202, 204)))]
     colors = ((196, 64, 48), (220, 150, 40), (120, 160, 60))
-    fruit = [
-        ellipsoid(
-            (x + 0.045 * np.cos(a), y + 0.045 * np.sin(a), z + 0.07),
-            (0.04, 0.04, 0.04),
-            kit.plain(f"fruit {(j + k) % 3}", colors[(j + k) % 3]),
-            5,
-        )
-        for j, a in enumerate((0.3, 2.4, 4.4))
-    ]
-    return [rim, *fruit]
+    for j, a in enumerate((0.3, 2.4, 4.4), k):
+        skin = kit.plain(f"fruit {j % 3}", colors[j % 3])
+        center = (x + 0.045 * np.cos(a), y + 0.045 * np.sin(a), z + 0.07)
+        parts.append(ellipsoid(center, (0.04, 0.04, 0.04), skin, 5))
+    return parts
 
 
 def vase(kit: Kit, x: float, y: float, z: float) -> list[Triangles]:
     """Return a vase with a bunch of flowers."""
-    body = turned(
-        [(0.04, z), (0.07, z + 0.08), (0.035, z + 0.18), (0.045, z + 0.2)],
-        (x, y),
-        kit.plain("vase", (70, 100, 130)),
-    )
-    blooms = [
-        ellipsoid(
-            (x + 0.05 * np.cos(a), y + 0.05 * np.sin(a), z + 0.3 + 0.03 * np.sin(2 * a)),
-            (0.05, 0.05, 0.05),
-            m,
-            5,
-        )
-        for a, m in (
-            (0.0, kit.foliage),
-            (2.1, kit.plain("bloom", (222, 120, 130))),
-            (4.2, kit.plain("bloom 2", (236, 200, 96))),
-        )
-    ]
-    stem = cylinder((x, y), z + 0.18, z + 0.3, 0.03, kit.foliage, 6)
-    return [body, stem, *blooms]
+    profile = [(0.04, z), (0.07, z + 0.08), (0.035, z + 0.18), (0.045, z + 0.2)]
+    body = turned(profile, (x, y), kit.plain("vase", (70, 100, 130)))
+    leaf = kit.foliage
+    parts = [body, cylinder((x, y), z + 0.18, z + 0.3, 0.03, leaf, 6)]
+    colors = {"bloom": (222, 120, 130), "bloom 2": (236, 200, 96)}
+    petals = [leaf, *(kit.plain(name, color) for name, color in colors.items())]
+    for a, material in zip((0.0, 2.1, 4.2), petals, strict=True):
+        center = (x + 0.05 * np.cos(a), y + 0.05 * np.sin(a), z + 0.3 + 0.03 * np.sin(2 * a))
+        parts.append(ellipsoid(center, (0.05, 0.05, 0.05), material, 5))
+    return parts
 
 
 def books(kit: Kit, rng: np.random.Generator, x: float, y: float, z: float) -> list[Triangles]:
@@ -110,13 +93,10 @@ def coffee_table(kit: Kit, rng: np.random.Generator) -> Piece:
     """Return a low table with books and a bowl, centred on the origin."""
     k = int(rng.integers(3))
     if rng.random() < 0.35:
-        parts = [
-            cylinder((0, 0), 0.37, 0.41, 0.42, kit.wood(k), 28),
-            *(
-                cylinder((0.27 * np.cos(a), 0.27 * np.sin(a)), 0.0, 0.38, 0.028, kit.black, 8)
-                for a in (0.5, 2.6, 4.7)
-            ),
-        ]
+        parts = [cylinder((0, 0), 0.37, 0.41, 0.42, kit.wood(k), 28)]
+        for a in (0.5, 2.6, 4.7):
+            foot = (0.27 * np.cos(a), 0.27 * np.sin(a))
+            parts.append(cylinder(foot, 0.0, 0.38, 0.028, kit.black, 8))
     else:
         parts = _frame(0.52, -0.29, 0.29, 0.42, 0.04, kit.wood(k), 0.055)
         parts.append(box((-0.44, -0.22, 0.14), (0.44, 0.22, 0.165), kit.wood(k)))
@@ -146,12 +126,11 @@ def desk_set(kit: Kit, rng: np.random.Generator) -> Arrangement:
         box((-0.22, 0.36, 0.75), (0.22, 0.5, 0.775), kit.plain("keys", (70, 72, 76))),
     ]
     parts += books(kit, rng, w - 0.2, 0.25, 0.75)
+    lamp, shade = (-w + 0.17, 0.2), [(0.001, 1.04), (0.1, 1.04), (0.055, 1.2), (0.001, 1.2)]
     parts += [
-        cylinder((-w + 0.17, 0.2), 0.75, 0.78, 0.08, kit.black, 12),
-        cylinder((-w + 0.17, 0.2), 0.78, 1.06, 0.02, kit.black, 8),
-        turned(
-            [(0.001, 1.04), (0.1, 1.04), (0.055, 1.2), (0.001, 1.2)], (-w + 0.17, 0.2), kit.shade
-        ),
+        cylinder(lamp, 0.75, 0.78, 0.08, kit.black, 12),
+        cylinder(lamp, 0.78, 1.06, 0.02, kit.black, 8),
+        turned(shade, lamp, kit.shade),
     ]
     seat = office_chair(kit, rng).moved(np.pi + float(rng.normal(0, 0.4)), -0.12, 1.0)
     return Arrangement((Piece("Desk", "desk", join(parts)), seat), 0.25, on_window=True)
