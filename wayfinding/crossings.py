@@ -22,10 +22,8 @@ class Crossing:
     """A path's step from one room into another.
 
     Attributes:
-        along_m: distance along the path [m].
-        position_xy_m: (2,) [m].
-        from_region: room index before.
-        to_region: room index after.
+        along_m, position_xy_m: distance along the path [m], and place (2,) [m].
+        from_region, to_region: room index before and after.
         width_m: width of the passage at its narrowest within half a metre [m].
     """
 
@@ -47,7 +45,7 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
     along = np.linspace(0.0, length, max(2, int(np.ceil(length / 0.05)) + 1))
     points = point_along(path, along)
     rooms = regions.at(points)
-    cells = np.clip(regions.grid.cell_of(points), 0, np.array(regions.grid.shape) - 1)
+    cells = regions.grid.clamped_cell_of(points)
     widths = regions.width_m[cells[:, 0], cells[:, 1]]
     edges = np.flatnonzero(np.diff(rooms)) + 1
     runs = np.split(np.arange(len(rooms)), edges)
@@ -65,8 +63,7 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
             old, k = result[-1].from_region, int(np.searchsorted(along, result[-1].along_m))
             result.pop()
         if old != new:
-            step = Crossing(float(along[k]), points[k], old, new, float(widths[k]))
-            result.append(step)
+            result.append(Crossing(float(along[k]), points[k], old, new, float(widths[k])))
     return result
 
 

@@ -5,6 +5,7 @@ The sampler plans episodes with it; the collectors re-plan, and measure NE, OS a
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,13 +23,6 @@ AGENT_RADIUS_M = 0.10
 SNAP_M = 0.5  # a point this close to reachable floor counts as standing there
 
 
-def distance_field(
-    freemap: Freemap, goal_xy_m: ArrayLike, radius_m: float = 0.0
-) -> "DistanceField":
-    """Return the geodesic distances to `goal_xy_m` (2,) [m] for a disc of `radius_m`."""
-    return DistanceField.build(freemap, np.asarray(goal_xy_m, dtype=np.float64), radius_m)
-
-
 @dataclass(frozen=True)
 class DistanceField:
     """Geodesic distance to one goal over a freemap; see `geodesic`.
@@ -42,27 +36,6 @@ class DistanceField:
     grid: GridSpec
     distance_m: Array
     goal_xy_m: Array
-
-    @staticmethod
-    def build(freemap: Freemap, goal_xy_m: Array, radius_m: float) -> "DistanceField":
-        """Compute distances from the goal over the cells free for `radius_m`.
-
-        A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a
-        blocked cell is left (see `at`).
-        """
-        grid = freemap.grid
-        free = freemap.free(radius_m)
-        distance = np.full(grid.shape, np.inf)
-        goal = np.asarray(goal_xy_m, dtype=np.float64)
-        source = nearest_cell(grid, free, goal, SNAP_M)
-        if source is not None:
-            offset = (goal - grid.center_of(source))[::-1] / grid.cell_m
-            if np.abs(offset).max() <= 0.5 + 1e-9:
-                distance = taut_distances(free, *source, *offset) * grid.cell_m
-            else:
-                gap = float(np.linalg.norm(offset))
-                distance = (taut_distances(free, *source, 0.0, 0.0) + gap) * grid.cell_m
-        return DistanceField(grid, distance, goal)
 
     @cached_property
     def _nearest_reachable(self) -> I64:
@@ -84,22 +57,41 @@ class DistanceField:
         straight = np.linalg.norm(flat - self.goal_xy_m, axis=1)
         result = np.full(len(flat), np.inf)
         if np.isfinite(self.distance_m).any():
-            limit = np.array(self.grid.shape) - 1
-            cells = np.clip(self.grid.cell_of(flat), 0, limit)
+            limit, cells = np.array(self.grid.shape) - 1, self.grid.clamped_cell_of(flat)
             base, blocked = cells.copy(), ~np.isfinite(self.distance_m[cells[:, 0], cells[:, 1]])
             if blocked.any():  # the search for reachable cells takes as long as all the rest
                 base[blocked] = self._nearest_reachable[cells[blocked, 0], cells[blocked, 1]]
             home = np.linalg.norm(self.grid.center_of(base) - flat, axis=1) <= within_m
-            for dr in (-1, 0, 1):
-                for dc in (-1, 0, 1):
-                    near = np.clip(base + np.array([dr, dc]), 0, limit)
-                    gap = np.linalg.norm(self.grid.center_of(near) - flat, axis=1)
-                    total = self.distance_m[near[:, 0], near[:, 1]] + gap
-                    result = np.where(home, np.minimum(result, total), result)
+            for step in product((-1, 0, 1), repeat=2):
+                near = np.clip(base + np.array(step), 0, limit)
+                gap = np.linalg.norm(self.grid.center_of(near) - flat, axis=1)
+                total = self.distance_m[near[:, 0], near[:, 1]] + gap
+                result = np.where(home, np.minimum(result, total), result)
         near_goal = straight <= 1.5 * self.grid.cell_m
         # No way is shorter than the straight one; cells are measured from their centres.
         result = np.where(near_goal, straight, np.maximum(result, straight))
         return result.reshape(points.shape[:-1])
+
+
+def distance_field(freemap: Freemap, goal_xy_m: ArrayLike, radius_m: float = 0.0) -> DistanceField:
+    """Return the geodesic distances to `goal_xy_m` (2,) [m] over the cells free for `radius_m`.
+
+    A goal in a blocked cell is entered from the free cells within `SNAP_M`, as a point in a
+    blocked cell is left (see `DistanceField.at`).
+    """
+    grid = freemap.grid
+    free = freemap.free(radius_m)
+    distance = np.full(grid.shape, np.inf)
+    goal = np.asarray(goal_xy_m, dtype=np.float64)
+    source = nearest_cell(grid, free, goal, SNAP_M)
+    if source is not None:
+        offset = (goal - grid.center_of(source))[::-1] / grid.cell_m
+        if np.abs(offset).max() <= 0.5 + 1e-9:
+            distance = taut_distances(free, *source, *offset) * grid.cell_m
+        else:
+            gap = float(np.linalg.norm(offset))
+            distance = (taut_distances(free, *source, 0.0, 0.0) + gap) * grid.cell_m
+    return DistanceField(grid, distance, goal)
 
 
 def nearest_cell(
@@ -117,10 +109,8 @@ def nearest_cell(
     low = np.maximum(own - reach, 0)
     window = mask[low[0] : max(own[0] + reach + 1, 0), low[1] : max(own[1] + reach + 1, 0)]
     cells = np.argwhere(window) + low
-    if not len(cells):
-        return None
     gaps = np.linalg.norm(grid.center_of(cells) - xy, axis=1)
-    best = int(np.argmin(gaps))
-    if gaps[best] > within_m:
+    if gaps.min(initial=np.inf) > within_m:
         return None
-    return int(cells[best, 0]), int(cells[best, 1])
+    row, column = cells[np.argmin(gaps)].tolist()
+    return row, column

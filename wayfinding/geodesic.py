@@ -53,10 +53,8 @@ def taut_distances(
 
     Args:
         free: (rows, columns) bool: the cells that may be entered.
-        row: row of the source point's cell, which must be free.
-        column: column of the source point's cell.
-        offset_row: where the point lies from its cell's centre [cells]; within ±0.5.
-        offset_column: likewise along the columns.
+        row, column: the source point's cell, which must be free.
+        offset_row, offset_column: where it lies from the cell's centre [cells]; within ±0.5.
 
     Returns:
         (rows, columns) float64.

@@ -11,7 +11,7 @@ from scipy.ndimage import map_coordinates
 from skimage.graph import MCP_Geometric
 
 from ..formats.core.arrays import I64, Array, Mask
-from ..formats.core.geometry import arc_length, resample
+from ..formats.core.geometry import arc_length, distances_to_path, resample
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.grid import GridSpec
 from .distance import SNAP_M, nearest_cell
@@ -56,13 +56,11 @@ def plan_path(
     way out of the tight spot (a robot that has drifted must be able to leave).
 
     Args:
-        start_xy_m: (2,) world [m]; the path starts exactly there.
-        goal_xy_m: (2,) world [m]; the path ends exactly there.
+        start_xy_m, goal_xy_m: (2,) world [m]; the path starts and ends exactly there.
         radius_m: clearance that every point needs [m].
-        config: preferences; the defaults when None.
 
     Returns:
-        (P, 3) float64 world [m] on the floor, P ≥ 2, or None when there is no way.
+        (P, 3) float64 world [m] on the floor, P ≥ 2, or None if the goal cannot be reached.
     """
     config = config or PlanConfig()
     start = np.asarray(start_xy_m, dtype=np.float64)
@@ -90,8 +88,8 @@ def plan_path(
 def floor_z(freemap: Freemap, xy_m: ArrayLike) -> Array:
     """Return floor heights (...) [m] at points (..., 2) [m], of the nearest cell with floor."""
     points = np.asarray(xy_m, dtype=np.float64)
-    fractional = _fractional(freemap.grid, points.reshape(-1, 2))
-    z = map_coordinates(freemap.floor_z_everywhere_m, fractional.T, order=1, mode="nearest")
+    at = freemap.grid.fractional_cell_of(points.reshape(-1, 2)).T
+    z = map_coordinates(freemap.floor_z_everywhere_m, at, order=1, mode="nearest")
     return z.reshape(points.shape[:-1])
 
 
@@ -101,7 +99,10 @@ def segments_free(grid: GridSpec, free: Mask, path_xy_m: ArrayLike) -> Mask:
     Looks at points no farther apart than half a cell.
     """
     path = np.asarray(path_xy_m, dtype=np.float64)[:, :2]
-    return _all_along(path[:-1], path[1:], grid, free)
+    cells = _samples(path[:-1], path[1:], grid)
+    inside = grid.inside(cells)
+    cells = np.clip(cells, 0, np.array(grid.shape) - 1)
+    return np.asarray((inside & free[cells[..., 0], cells[..., 1]]).all(axis=1))
 
 
 def simplify_path(
@@ -118,26 +119,19 @@ def simplify_path(
     along = arc_length(path)
     # Equal spacing over the whole path looks better than one short rest at its end.
     spacing = along[-1] / max(1, int(np.ceil(along[-1] / spacing_m - 1e-9))) + 1e-9
-    kept = [0]
-    while kept[-1] < len(path) - 1:
-        i = kept[-1]
+    waypoints = [0]
+    while waypoints[-1] < len(path) - 1:
+        i = waypoints[-1]
         best = i + 1
         for j in range(i + 2, len(path)):
             if along[j] - along[i] > spacing:
                 break
-            a, b = path[i, :2], path[j, :2]
-            if (
-                _distance_to_segment(path[i + 1 : j, :2], a, b).max() <= tolerance_m
-                and _all_along(a[None], b[None], freemap.grid, free)[0]
-            ):
+            segment = path[[i, j], :2]
+            off = distances_to_path(path[i + 1 : j, :2], segment).max()
+            if off <= tolerance_m and segments_free(freemap.grid, free, segment)[0]:
                 best = j
-        kept.append(best)
-    return path[kept]
-
-
-def _fractional(grid: GridSpec, xy_m: Array) -> Array:
-    """Return points (N, 2) [m] as fractional (row, column), cell centres at integers."""
-    return ((xy_m - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[:, ::-1]
+        waypoints.append(best)
+    return path[waypoints]
 
 
 def _samples(starts: Array, ends: Array, grid: GridSpec) -> I64:
@@ -146,13 +140,6 @@ def _samples(starts: Array, ends: Array, grid: GridSpec) -> I64:
     count = int(np.ceil(longest / (0.5 * grid.cell_m))) + 1
     t = np.linspace(0.0, 1.0, count + 1)[None, :, None]
     return grid.cell_of(starts[:, None] * (1 - t) + ends[:, None] * t)
-
-
-def _all_along(starts: Array, ends: Array, grid: GridSpec, mask: Mask) -> Mask:
-    cells = _samples(starts, ends, grid)
-    inside = grid.inside(cells)
-    cells = np.clip(cells, 0, np.array(grid.shape) - 1)
-    return np.asarray((inside & mask[cells[..., 0], cells[..., 1]]).all(axis=1))
 
 
 def _pull_taut(path: Array, grid: GridSpec, free: Mask, cost: Array) -> Array:
@@ -202,19 +189,19 @@ def _with_ends(corners: Array, start: Array, goal: Array, grid: GridSpec, free: 
     return np.vstack([points[: -1 if last else None], goal])
 
 
-def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: int) -> Array:
+def _relax(path: Array, freemap: Freemap, free: Mask, comfort_m: float, steps: int) -> Array:
     """Smooth an evenly sampled path (P, 2) as an elastic band.
 
     Each point moves to the middle of its neighbours and away from obstacles nearer than
-    `wanted_m`; moves that leave `free` are undone (Quinlan and Khatib, "Elastic bands", 1993).
+    `comfort_m`; moves that leave `free` are undone (Quinlan and Khatib, "Elastic bands", 1993).
     """
     grid = freemap.grid
     path = path.copy()
     for _ in range(steps):
         inner = path[1:-1]
-        at = _fractional(grid, inner).T
+        at = grid.fractional_cell_of(inner).T
         clearance = map_coordinates(freemap.clearance_m, at, order=1, mode="nearest")
-        push = _PUSH * np.maximum(wanted_m - clearance, 0.0)
+        push = _PUSH * np.maximum(comfort_m - clearance, 0.0)
         slope = [map_coordinates(g, at, order=1, mode="nearest") for g in freemap.clearance_slope]
         target = path.copy()
         target[1:-1] = 0.5 * inner + 0.25 * (path[:-2] + path[2:])
@@ -228,13 +215,3 @@ def _relax(path: Array, freemap: Freemap, free: Mask, wanted_m: float, steps: in
             target[undo] = path[undo]
         path = target
     return path
-
-
-def _distance_to_segment(points: Array, a: Array, b: Array) -> Array:
-    """Return distances (N,) of points (N, 2) to the segment a → b."""
-    direction = b - a
-    squared = float(direction @ direction)
-    if squared == 0.0 or not len(points):
-        return np.linalg.norm(points - a, axis=1) if len(points) else np.zeros(1)
-    t = np.clip((points - a) @ direction / squared, 0.0, 1.0)
-    return np.linalg.norm(points - (a + t[:, None] * direction), axis=1)

@@ -32,30 +32,20 @@ _REACH_M = 1.0
 
 # How a room without a label is named by what stands in it. These things also distinguish the rooms
 # of one open space.
-ROOM_OF_OBJECT = {
-    "bed": "bedroom",
-    "nightstand": "bedroom",
-    "sofa": "living room",
-    "couch": "living room",
-    "coffee table": "living room",
-    "tv cabinet": "living room",
-    "refrigerator": "kitchen",
-    "fridge": "kitchen",
-    "stove": "kitchen",
-    "oven": "kitchen",
-    "kitchen cabinet": "kitchen",
-    "kitchen counter": "kitchen",
-    "kitchen table": "kitchen",
-    "cooking bench": "kitchen",
-    "dining table": "dining room",
-    "toilet": "bathroom",
-    "bathtub": "bathroom",
-    "shower": "bathroom",
-    "fitness equipment": "exercise room",
-    "treadmill": "exercise room",
-    "washing machine": "laundry room",
-    "piano": "music room",
+_OBJECTS_OF_ROOM = {
+    "bedroom": ("bed", "nightstand"),
+    "living room": ("sofa", "couch", "coffee table", "tv cabinet"),
+    "kitchen": (
+        *("refrigerator", "fridge", "stove", "oven", "kitchen cabinet", "kitchen counter"),
+        *("kitchen table", "cooking bench"),
+    ),
+    "dining room": ("dining table",),
+    "bathroom": ("toilet", "bathtub", "shower"),
+    "exercise room": ("fitness equipment", "treadmill"),
+    "laundry room": ("washing machine",),
+    "music room": ("piano",),
 }
+ROOM_OF_OBJECT = {thing: room for room, things in _OBJECTS_OF_ROOM.items() for thing in things}
 
 
 @dataclass(frozen=True)
@@ -76,9 +66,7 @@ class RegionMap:
 
     def at(self, xy_m: ArrayLike) -> I32:
         """Return room indices (...) at points (..., 2) [m]; −1 outside."""
-        cells = self.grid.cell_of(xy_m)
-        inside = self.grid.inside(cells)
-        cells = np.clip(cells, 0, np.array(self.grid.shape) - 1)
+        inside, cells = self.grid.inside(self.grid.cell_of(xy_m)), self.grid.clamped_cell_of(xy_m)
         return np.where(inside, self.region[cells[..., 0], cells[..., 1]], -1).astype(np.int32)
 
     def name_at(self, xy_m: ArrayLike) -> str:
@@ -140,15 +128,10 @@ def _box(array: NDArray, grid: GridSpec, low: ArrayLike, high: ArrayLike) -> NDA
     """Return a view of the cells of `array` that a box `low` … `high` (2,), (2,) [m] touches."""
     shape = np.array(grid.shape)
     # A box that ends on a cell's edge does not touch the next cell, whatever the rounding says.
-    first = np.clip(np.floor(_index(grid, low) + 0.5 + _EDGE), 0, shape).astype(int)
-    stop = np.clip(np.ceil(_index(grid, high) + 0.5 - _EDGE), 0, shape).astype(int)
+    low, high = (grid.fractional_cell_of(np.asarray(corner)[:2]) for corner in (low, high))
+    first = np.clip(np.floor(low + 0.5 + _EDGE), 0, shape).astype(int)
+    stop = np.clip(np.ceil(high + 0.5 - _EDGE), 0, shape).astype(int)
     return array[first[0] : max(stop[0], first[0]), first[1] : max(stop[1], first[1])]
-
-
-def _index(grid: GridSpec, xy_m: ArrayLike) -> Array:
-    """Return the fractional (row, column) of a point; cell centres at integers."""
-    xy = np.asarray(xy_m, dtype=np.float64)[:2]
-    return ((xy - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5)[::-1]
 
 
 def _labelled(rooms: Sequence[LabeledObject], grid: GridSpec) -> I32:

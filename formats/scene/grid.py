@@ -37,6 +37,15 @@ class GridSpec:
         index = np.floor((xy - np.asarray(self.origin_xy_m)) / self.cell_m).astype(np.int64)
         return index[..., ::-1]
 
+    def fractional_cell_of(self, xy_m: ArrayLike) -> Array:
+        """Return (row, column) (..., 2) of points (..., 2) [m]: the inverse of `center_of`."""
+        xy = np.asarray(xy_m, dtype=np.float64)
+        return ((xy - np.asarray(self.origin_xy_m)) / self.cell_m - 0.5)[..., ::-1]
+
+    def clamped_cell_of(self, xy_m: ArrayLike) -> I64:
+        """Return (row, column) (..., 2) int64 of the cells in the grid nearest to points (..., 2)."""
+        return np.clip(self.cell_of(xy_m), 0, np.array(self.shape) - 1)
+
     def center_of(self, row_column: ArrayLike) -> Array:
         """Return world centres (..., 2) [m] of (row, column) (..., 2), fractional allowed."""
         rc = np.asarray(row_column, dtype=np.float64)
@@ -52,12 +61,10 @@ class GridSpec:
 
         Centres outside give indices outside `shape`.
         """
-        found = []
-        for axis, count in enumerate(grid.shape):
-            at = np.zeros((count, 2))
-            at[:, axis] = np.arange(count)
-            found.append(self.cell_of(grid.center_of(at))[:, axis])
-        return found[0], found[1]
+        rows = np.stack([np.arange(grid.rows), np.zeros(grid.rows)], axis=-1)
+        columns = np.stack([np.zeros(grid.columns), np.arange(grid.columns)], axis=-1)
+        row = self.cell_of(grid.center_of(rows))[:, 0]
+        return row, self.cell_of(grid.center_of(columns))[:, 1]
 
     @staticmethod
     def covering(lower_xy_m: ArrayLike, upper_xy_m: ArrayLike, cell_m: float) -> "GridSpec":

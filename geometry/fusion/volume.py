@@ -35,12 +35,8 @@ class DistanceVolume:
     def empty(lower_m: Array, upper_m: Array, voxel_m: float) -> "DistanceVolume":
         """Return an empty volume that covers a box."""
         shape = tuple(np.ceil((upper_m - lower_m) / voxel_m).astype(int) + 1)
-        return DistanceVolume(
-            np.asarray(lower_m, dtype=np.float64),
-            voxel_m,
-            np.zeros(shape, dtype=np.float32),
-            np.zeros(shape, dtype=np.float32),
-        )
+        value, weight = (np.zeros(shape, dtype=np.float32) for _ in range(2))
+        return DistanceVolume(np.asarray(lower_m, dtype=np.float64), voxel_m, value, weight)
 
     def integrate(
         self, depth_m: F32, *, focal_px: float, position_m: Array, rotation: Array

@@ -20,12 +20,15 @@ from numba.core.typing.templates import signature
 from ...formats.core.errors import VlnpeError
 
 _CALL = signature(types.void, types.uintp, types.uintp, types.uintp, types.uintp)
-intersect16: Any = types.ExternalFunction("rtcIntersect16", _CALL)
-intersect8: Any = types.ExternalFunction("rtcIntersect8", _CALL)
-intersect4: Any = types.ExternalFunction("rtcIntersect4", _CALL)
-occluded16: Any = types.ExternalFunction("rtcOccluded16", _CALL)
-occluded8: Any = types.ExternalFunction("rtcOccluded8", _CALL)
-occluded4: Any = types.ExternalFunction("rtcOccluded4", _CALL)
+
+
+def _external(name: str) -> Any:
+    return types.ExternalFunction(name, _CALL)
+
+
+intersect16, occluded16 = _external("rtcIntersect16"), _external("rtcOccluded16")
+intersect8, occluded8 = _external("rtcIntersect8"), _external("rtcOccluded8")
+intersect4, occluded4 = _external("rtcIntersect4"), _external("rtcOccluded4")
 
 # RTC_DEVICE_PROPERTY_NATIVE_RAY<N>_SUPPORTED by packet size.
 _NATIVE = {16: 34, 8: 33}
@@ -39,11 +42,9 @@ def library() -> ctypes.CDLL:
         VlnpeError: the library is neither where embreex's wheels put it nor in the system.
     """
     package = Path(embreex.__file__).parent
-    found = [
-        *sorted((package.parent / "embreex.libs").glob("libembree4*")),
-        *sorted((package / ".dylibs").glob("libembree4*")),
-    ]
-    path = str(found[0]) if found else ctypes.util.find_library("embree4")
+    folders = (package.parent / "embreex.libs", package / ".dylibs")
+    files = [file for folder in folders for file in sorted(folder.glob("libembree4*"))]
+    path = str(files[0]) if files else ctypes.util.find_library("embree4")
     if path is None:
         raise VlnpeError(
             f"Embree 4 not found: neither beside {package} nor in the system; "
@@ -52,23 +53,21 @@ def library() -> ctypes.CDLL:
     llvm.load_library_permanently(path)
     lib = ctypes.CDLL(path)
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
-    for name, result, arguments in (
-        ("rtcNewDevice", pointer, [ctypes.c_char_p]),
-        ("rtcGetDeviceProperty", ctypes.c_ssize_t, [pointer, ctypes.c_int]),
-        ("rtcGetDeviceError", ctypes.c_int, [pointer]),
-        ("rtcNewScene", pointer, [pointer]),
-        ("rtcReleaseScene", None, [pointer]),
-        ("rtcNewGeometry", pointer, [pointer, ctypes.c_int]),
-        ("rtcReleaseGeometry", None, [pointer]),
-        (
-            "rtcSetNewGeometryBuffer",
-            pointer,
-            [pointer, ctypes.c_int, ctypes.c_uint, ctypes.c_int, size, size],
-        ),
-        ("rtcCommitGeometry", None, [pointer]),
-        ("rtcAttachGeometry", ctypes.c_uint, [pointer, pointer]),
-        ("rtcCommitScene", None, [pointer]),
-    ):
+    number, unsigned = ctypes.c_int, ctypes.c_uint
+    prototypes: dict[str, tuple[Any, list[Any]]] = {
+        "rtcNewDevice": (pointer, [ctypes.c_char_p]),
+        "rtcGetDeviceProperty": (ctypes.c_ssize_t, [pointer, number]),
+        "rtcGetDeviceError": (number, [pointer]),
+        "rtcNewScene": (pointer, [pointer]),
+        "rtcReleaseScene": (None, [pointer]),
+        "rtcNewGeometry": (pointer, [pointer, number]),
+        "rtcReleaseGeometry": (None, [pointer]),
+        "rtcSetNewGeometryBuffer": (pointer, [pointer, number, unsigned, number, size, size]),
+        "rtcCommitGeometry": (None, [pointer]),
+        "rtcAttachGeometry": (unsigned, [pointer, pointer]),
+        "rtcCommitScene": (None, [pointer]),
+    }
+    for name, (result, arguments) in prototypes.items():
         function = getattr(lib, name)
         function.restype, function.argtypes = result, arguments
     return lib

@@ -23,11 +23,7 @@ DETAIL_PX, LEAST_LIGHT = 0.3, 1 / 512
 
 
 class SplatDrawer(Protocol):
-    """Draws one cloud from any eye.
-
-    Attributes:
-        name: `cpu` or `gsplat`.
-    """
+    """Draws one cloud from any eye; its name is `cpu` or `gsplat`."""
 
     name: str
 
@@ -50,15 +46,8 @@ class CpuDrawer:
         self, eye: Eye, cover_m: F32 | None, cut_above_m: float, *, with_depth: bool = False
     ) -> SplatImage:
         """Draw colour and light, and the mean depth if wanted; see `draw_splats`."""
-        return draw_splats(
-            self._scene,
-            eye,
-            cover_m=cover_m,
-            cut_above_m=cut_above_m,
-            with_depth=with_depth,
-            detail_px=DETAIL_PX,
-            least_light=LEAST_LIGHT,
-        )
+        what = {"cover_m": cover_m, "cut_above_m": cut_above_m, "with_depth": with_depth}
+        return draw_splats(self._scene, eye, **what, detail_px=DETAIL_PX, least_light=LEAST_LIGHT)
 
 
 class GsplatDrawer:
@@ -74,11 +63,8 @@ class GsplatDrawer:
         self._torch: Any = importlib.import_module("torch")
         self._gsplat: Any = importlib.import_module("gsplat")
         self._device = device
-        self._means = self._tensor(cloud.position)
-        self._quats = self._tensor(cloud.quat_wxyz)
-        self._scales = self._tensor(cloud.scale)
-        self._opacities = self._tensor(cloud.opacity)
-        self._harmonics = self._tensor(cloud.harmonics)
+        arrays = (cloud.position, cloud.quat_wxyz, cloud.scale, cloud.opacity, cloud.harmonics)
+        self._parts = [self._tensor(array) for array in arrays]
         self._degree = cloud.degree
         self._mode = "antialiased" if cloud.antialiased else "classic"
 
@@ -93,9 +79,9 @@ class GsplatDrawer:
         view[:3, 3] = -view[:3, :3] @ np.asarray(eye.position_world_m)
         # Our pixel centres lie at whole numbers.
         lens = np.array([[focal, 0, 0.5 * width], [0, focal, 0.5 * height], [0, 0, 1]])
-        parts = [self._means, self._quats, self._scales, self._opacities, self._harmonics]
+        parts = self._parts
         if eye.position_world_m[2] > cut_above_m:
-            low = self._means[:, 2] <= cut_above_m
+            low = parts[0][:, 2] <= cut_above_m
             parts = [part[low] for part in parts]
         with self._torch.no_grad():
             image, alpha, _ = self._gsplat.rasterization(

@@ -4,6 +4,7 @@ A merged Gaussian has the mean and covariance of those it stands for, weighted b
 and an opacity that lets as much light through.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -40,6 +41,17 @@ class Level:
     coefficients: F32
     starts: I64
 
+    @staticmethod
+    def joined(levels: Sequence["Level"]) -> "Level":
+        """Return the chunks of all levels, one level after the other."""
+        names = ("position", "covariance", "opacity", "coefficients")
+        rows = np.cumsum([0, *(len(level.position) for level in levels)])
+        starts = [level.starts[:-1] + row for level, row in zip(levels, rows, strict=False)]
+        return Level(
+            *(np.concatenate([getattr(level, name) for level in levels]) for name in names),
+            np.concatenate([*starts, rows[-1:]]).astype(np.int64),
+        )
+
 
 def merged(level: Level, *, antialiased: bool) -> Level:
     """Return the next coarser level; chunks keep their numbers.
@@ -54,15 +66,7 @@ def merged(level: Level, *, antialiased: bool) -> Level:
         _merged(_cut(level, first, min(first + BLOCK, chunks)), antialiased=antialiased)
         for first in range(0, chunks, BLOCK)
     ]
-    rows = np.cumsum([0, *(len(part.position) for part in parts)])
-    starts = [part.starts[:-1] + row for part, row in zip(parts, rows, strict=False)]
-    return Level(
-        np.concatenate([part.position for part in parts]),
-        np.concatenate([part.covariance for part in parts]),
-        np.concatenate([part.opacity for part in parts]),
-        np.concatenate([part.coefficients for part in parts]),
-        np.concatenate([*starts, rows[-1:]]).astype(np.int64),
-    )
+    return Level.joined(parts)
 
 
 def _cut(level: Level, first: int, end: int) -> Level:
@@ -112,16 +116,16 @@ def _merged(level: Level, *, antialiased: bool) -> Level:
     # Rows of the new level: one for each merged group, all parts of the others.
     first = np.zeros(len(group), dtype=bool)
     first[starts] = True
-    kept = first | ~whole[group]
-    use = whole[group[kept]]
-    to = group[kept]
+    remaining = first | ~whole[group]
+    to = group[remaining]
+    use = whole[to]
 
     def rows(own: F32, joint: Array) -> F32:
         shape = (-1, *([1] * (own.ndim - 1)))
         flat = joint.reshape(groups, *own.shape[1:])
-        return np.where(use.reshape(shape), flat[to], own[kept]).astype(np.float32)
+        return np.where(use.reshape(shape), flat[to], own[remaining]).astype(np.float32)
 
-    ends = np.cumsum(np.bincount(of[kept], minlength=len(count)))
+    ends = np.cumsum(np.bincount(of[remaining], minlength=len(count)))
     return Level(
         rows(level.position, center),
         rows(level.covariance, covariance),

@@ -95,12 +95,8 @@ def draw_splats(
         visible = _at_detail(scene, visible, limits, detail_px / camera.focal_px)
     settings = (near_m, float(scene.antialiased), cut)
     lines = (rotation, position, np.array([camera.focal_px, width, height, *settings]))
-    data = (
-        *(scene.position, scene.covariance, scene.opacity),
-        scene.color,
-        scene.harmonics,
-        scene.starts,
-    )
+    gaussians = (scene.position, scene.covariance, scene.opacity)
+    data = (*gaussians, scene.color, scene.harmonics, scene.starts)
     bounds = (scene.low, scene.high, scene.reach)
     image = (state.light, state.color, state.cover, state.depth)
     step, enough = GROUP // CHUNK, np.float32(least_light)

@@ -110,16 +110,9 @@ def project_chunks(chunks, scene, bounds, eye, unfinished, out, first):
             vx, vy, vz = f * (r01 - ty * r02), f * (r11 - ty * r12), f * (r21 - ty * r22)
             s0, s1, s2 = covariance[g, 0], covariance[g, 1], covariance[g, 2]
             s3, s4, s5 = covariance[g, 3], covariance[g, 4], covariance[g, 5]
-            px, py, pz = (
-                s0 * ux + s1 * uy + s2 * uz,
-                s1 * ux + s3 * uy + s4 * uz,
-                s2 * ux + s4 * uy + s5 * uz,
-            )
-            qx, qy, qz = (
-                s0 * vx + s1 * vy + s2 * vz,
-                s1 * vx + s3 * vy + s4 * vz,
-                s2 * vx + s4 * vy + s5 * vz,
-            )
+            px, qx = s0 * ux + s1 * uy + s2 * uz, s0 * vx + s1 * vy + s2 * vz
+            py, qy = s1 * ux + s3 * uy + s4 * uz, s1 * vx + s3 * vy + s4 * vz
+            pz, qz = s2 * ux + s4 * uy + s5 * uz, s2 * vx + s4 * vy + s5 * vz
             a = ux * px + uy * py + uz * pz
             b = ux * qx + uy * qy + uz * qz
             d = vx * qx + vy * qy + vz * qz
@@ -230,11 +223,8 @@ def _shade(color, harmonics, g, direction, out, k):
                 y * (3 * xx - yy) * harmonics[g, 8, i] + x * (xx - 3 * yy) * harmonics[g, 14, i]
             )
             value += 2.890611442640554 * x * y * z * harmonics[g, 9, i]
-            value -= (
-                0.4570457994644658
-                * (4 * zz - xx - yy)
-                * (y * harmonics[g, 10, i] + x * harmonics[g, 12, i])
-            )
+            pair = y * harmonics[g, 10, i] + x * harmonics[g, 12, i]
+            value -= 0.4570457994644658 * (4 * zz - xx - yy) * pair
             value += 0.3731763325901154 * z * (2 * zz - 3 * xx - 3 * yy) * harmonics[g, 11, i]
             value += 1.445305721320277 * z * (xx - yy) * harmonics[g, 13, i]
         out[k, RED + i] = max(color[g, i] + STEP * value, 0.0)

@@ -71,28 +71,23 @@ class SplatScene:
         levels = [Level(cloud.position, covariances(cloud), cloud.opacity, cloud.harmonics, starts)]
         while detail and len(cloud) and len(levels) < LEVELS:
             levels.append(merged(levels[-1], antialiased=filtered))
-        offsets = np.cumsum([0, *(len(level.position) for level in levels)])
-        ends = [level.starts[:-1] + o for level, o in zip(levels, offsets, strict=False)]
-        all_starts = np.concatenate([*ends, offsets[-1:]]).astype(np.int64)
-        position = np.concatenate([level.position for level in levels])
-        covariance = np.concatenate([level.covariance for level in levels])
-        opacity = np.concatenate([level.opacity for level in levels])
-        coefficients = np.concatenate([level.coefficients for level in levels])
+        whole = Level.joined(levels)
+        position, covariance, opacity = whole.position, whole.covariance, whole.opacity
         size = np.sqrt(_largest_variance(covariance))
         seen = size * np.sqrt(2 * np.log(np.maximum(opacity / MIN_ALPHA, 1)))
-        few, firsts = len(cloud) == 0, all_starts[:-1]
+        few, firsts = len(cloud) == 0, whole.starts[:-1]
         empty = np.zeros((0, 3), dtype=np.float32)
         return SplatScene(
             position=np.ascontiguousarray(position),
             covariance=covariance,
             opacity=np.ascontiguousarray(opacity),
-            color=(0.5 + np.float32(C0) * coefficients[:, 0]).astype(np.float32),
-            harmonics=_stepped(coefficients[:, 1:]),
-            starts=all_starts,
+            color=(0.5 + np.float32(C0) * whole.coefficients[:, 0]).astype(np.float32),
+            harmonics=_stepped(whole.coefficients[:, 1:]),
+            starts=whole.starts,
             low=empty if few else np.minimum.reduceat(position, firsts),
             high=empty if few else np.maximum.reduceat(position, firsts),
             reach=empty[:, 0] if few else np.maximum.reduceat(seen, firsts).astype(np.float32),
-            width=widths(covariance, all_starts).reshape(len(levels), -1),
+            width=widths(covariance, whole.starts).reshape(len(levels), -1),
             antialiased=filtered,
         )
 
