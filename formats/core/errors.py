@@ -111,7 +111,7 @@ def check_name(kind: str, name: str, valid: Iterable[str]) -> None:
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:
     """Return ` (did you mean x?)` for the closest of `valid`; nothing if none is close."""
-    spelled = {one.casefold(): one for one in valid}
+    spelled = {name.casefold(): name for name in valid}
     near = difflib.get_close_matches(name[:MAX_SPELLED].casefold(), spelled, 1, LEAST_LIKENESS)
     return f" (did you mean {spelled[near[0]]}?)" if near else ""
 
@@ -127,13 +127,16 @@ def first_line(error: BaseException) -> str:
     return (lines[0][:MAX_LINE] if lines else "") or type(error).__name__
 
 
+def one_line(error: BaseException) -> str:
+    """Return another library's whole message in one line of at most 300 characters."""
+    return " ".join(str(error).split())[:300]
+
+
 def brief(value: Any) -> str:
     """Return a value for an error message: never long, whatever it is and however it nests."""
-    shortened = reprlib.Repr(
-        maxlevel=3, maxdict=3, maxlist=3, maxtuple=3, maxstring=40, maxother=40
-    )
+    most = dict.fromkeys(("maxlevel", "maxdict", "maxlist", "maxtuple"), 3)
     try:
-        text = shortened.repr(value)
+        text = reprlib.Repr(**most, maxstring=40, maxother=40).repr(value)
     except ValueError:  # an integer of thousands of digits
         text = f"a {type(value).__name__} of thousands of digits"
     return text if len(text) <= 120 else text[:117] + "..."

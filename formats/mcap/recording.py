@@ -2,7 +2,6 @@
 
 import contextlib
 import io
-import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +26,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError, brief
-from ..untrusted.files import read_input
+from ..untrusted.files import PARSER_ERRORS, read_input
 from ..untrusted.limits import limits
 
 NANOSECONDS = 1_000_000_000
@@ -125,22 +124,16 @@ def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
     The decompressor believes the size in the compressed data, not the one beside it.
     """
     if unpacked > cap:
-        raise FileFormatError(
-            path,
-            f"its chunks unpack to {unpacked:,} bytes; valid: up to {cap:,} (limit mcap_bytes)",
-        )
+        size = f"{unpacked:,} bytes; valid: up to {cap:,} (limit mcap_bytes)"
+        raise FileFormatError(path, f"its chunks unpack to {size}")
     if chunk.compression == "zstd":
         inside = zstandard.frame_content_size(chunk.data)
         if inside > chunk.uncompressed_size:
-            raise FileFormatError(
-                path,
-                f"a chunk declares {chunk.uncompressed_size:,} unpacked bytes, but has {inside:,}",
-            )
+            declared = f"{chunk.uncompressed_size:,} unpacked bytes"
+            raise FileFormatError(path, f"a chunk declares {declared}, but has {inside:,}")
     elif chunk.compression:
-        raise FileFormatError(
-            path,
-            f"chunks are compressed with {brief(chunk.compression)}; valid: zstd, or uncompressed",
-        )
+        method = brief(chunk.compression)
+        raise FileFormatError(path, f"chunks compressed with {method}; valid: zstd, uncompressed")
 
 
 def read_recording(path: Path) -> Contents:
@@ -170,20 +163,9 @@ def read_recording(path: Path) -> Contents:
                 contents.add(record)
     except CRCValidationError as error:
         raise FileFormatError(path, f"corrupt: {error}") from error
-    except (
-        McapError,
-        struct.error,
-        zstandard.ZstdError,
-        RuntimeError,
-        ValueError,
-        KeyError,
-        IndexError,
-        OverflowError,
-        MemoryError,
-    ) as error:
-        # A damaged length or text makes the reader stumble in many ways.
+    except (McapError, zstandard.ZstdError, *PARSER_ERRORS) as error:
         raise FileFormatError(path, f"truncated or corrupt MCAP ({error!r})") from error
-    found = sum(len(messages) for messages in contents.messages.values())
-    if not ended or counted != found:
-        raise FileFormatError(path, f"truncated: {found} of {counted} messages")
+    count = sum(len(messages) for messages in contents.messages.values())
+    if not ended or counted != count:
+        raise FileFormatError(path, f"truncated: {count} of {counted} messages")
     return contents

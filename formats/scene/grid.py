@@ -43,7 +43,7 @@ class GridSpec:
         return ((xy - np.asarray(self.origin_xy_m)) / self.cell_m - 0.5)[..., ::-1]
 
     def clamped_cell_of(self, xy_m: ArrayLike) -> I64:
-        """Return (row, column) (..., 2) int64 of the cells in the grid nearest to points (..., 2)."""
+        """Return (row, column) (..., 2) of the cells in the grid nearest to points (..., 2) [m]."""
         return np.clip(self.cell_of(xy_m), 0, np.array(self.shape) - 1)
 
     def center_of(self, row_column: ArrayLike) -> Array:

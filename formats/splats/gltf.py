@@ -17,23 +17,19 @@ import numpy as np
 from ..core.arrays import F32
 from ..core.errors import FileFormatError
 from ..core.frames import quat_to_matrix
-from ..untrusted.files import read_input
+from ..untrusted.files import PARSER_ERRORS, read_input
 from ..untrusted.limits import limits
 from .kind import EXTENSION, gltf_tree, splat_primitives
 from .packed import spz_cloud, spz_header
 from .record import GaussianCloud, check_count, cleaned, joined
 
-SPZ_EXTENSIONS = (
-    "KHR_gaussian_splatting_compression_spz_2",
-    "KHR_gaussian_splatting_compression_spz",
-)
+_SPZ = "KHR_gaussian_splatting_compression_spz"
+SPZ_EXTENSIONS = (f"{_SPZ}_2", _SPZ)
 POINTS = 0
 COMPONENTS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
-UP, UNIT = (
-    ("y", "glTF is y up by its specification"),
-    ("m", "glTF is in metres by its specification"),
-)
+UP = ("y", "glTF is y up by its specification")
+UNIT = ("m", "glTF is in metres by its specification")
 MAX_NODES, MAX_DEPTH = 10_000, 64
 
 
@@ -64,19 +60,7 @@ def read_gltf_splats(path: Path) -> GaussianCloud:
         sizes = [reader.size(primitive) for primitive, _ in placed]
         check_count(path, sum(n for n, _ in sizes), max(degree for _, degree in sizes))
         clouds = [reader.cloud(part).transformed(matrix, far=True) for part, matrix in placed]
-    except FileFormatError:
-        raise
-    # A damaged tree raises many types of error; the file is at fault in each case.
-    except (
-        ValueError,
-        KeyError,
-        IndexError,
-        TypeError,
-        AttributeError,
-        OSError,
-        OverflowError,
-        struct.error,
-    ) as error:
+    except PARSER_ERRORS as error:
         raise FileFormatError(path, f"damaged glTF of Gaussian splats: {error!r}") from error
     return cleaned(path, replace(joined(clouds), up=UP, unit=UNIT))
 
@@ -85,12 +69,11 @@ def _placed(tree: dict[str, Any]) -> list[tuple[int, np.ndarray]]:
     """Return the mesh and the transform (4, 4) to the scene of every node with a mesh."""
     nodes = tree.get("nodes", [])
     if not tree.get("scenes"):
-        roots = list(range(len(nodes)))
         children = {c for node in nodes for c in node.get("children", [])}
-        roots = [k for k in roots if k not in children]
+        roots = [k for k in range(len(nodes)) if k not in children]
     else:
         roots = tree["scenes"][tree.get("scene", 0)].get("nodes", [])
-    found, seen = [], 0
+    placed, seen = [], 0
     stack = [(k, np.eye(4), 0) for k in roots]
     while stack:
         k, parent, depth = stack.pop()
@@ -100,9 +83,9 @@ def _placed(tree: dict[str, Any]) -> list[tuple[int, np.ndarray]]:
         node = nodes[k]
         matrix = parent @ _local(node)
         if "mesh" in node:
-            found.append((node["mesh"], matrix))
+            placed.append((node["mesh"], matrix))
         stack += [(c, matrix, depth + 1) for c in node.get("children", [])]
-    return found
+    return placed
 
 
 def _local(node: dict[str, Any]) -> np.ndarray:

@@ -181,8 +181,8 @@ def _zstd_streams(path: Path, data: bytes, streams: int, sizes: list[int]) -> li
     table = struct.unpack_from("<I", data, 16)[0]
     start = table + 16 * streams
     if streams < len(sizes) or start > len(data):
-        raise FileFormatError(path, f"{streams} streams in {len(data):,} bytes; needed: "
-                              f"{len(sizes)}")  # fmt: skip
+        streams_in = f"{streams} streams in {len(data):,} bytes"
+        raise FileFormatError(path, f"{streams_in}; needed: {len(sizes)}")
     parts = []
     for k, size in enumerate(sizes):
         packed, unpacked = struct.unpack_from("<QQ", data, table + 16 * k)

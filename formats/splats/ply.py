@@ -40,8 +40,8 @@ def read_ply_splats(path: Path) -> GaussianCloud:
     kind = ply_splat_kind(header)
     if not kind:
         raise FileFormatError(path, "contains no Gaussian splats")
-    said = [c.partition(" ") for c in header.comments]
-    licence = next((text for word, _, text in said if word.lower() in LICENCE_WORDS), "")
+    comments = [c.partition(" ") for c in header.comments]
+    licence = next((text for word, _, text in comments if word.lower() in LICENCE_WORDS), "")
     read = _read_compressed if kind == COMPRESSED else _read_plain
     return cleaned(path, read(path, header, licence))
 
@@ -57,8 +57,8 @@ def _read_plain(path: Path, header: PlyHeader, licence: str) -> GaussianCloud:
     check_count(path, header.elements["vertex"].count, degree)
     rows = ply_rows(path, header, "vertex")
 
-    def columns(*wanted: str) -> F32:
-        return np.stack([rows[name].astype(np.float32) for name in wanted], axis=-1)
+    def columns(*fields: str) -> F32:
+        return np.stack([rows[name].astype(np.float32) for name in fields], axis=-1)
 
     harmonics = np.empty((len(rows), (degree + 1) ** 2, 3), dtype=np.float32)
     harmonics[:, 0] = columns("f_dc_0", "f_dc_1", "f_dc_2")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..core.arrays import F32, Array
 from ..core.errors import FileFormatError
-from ..core.frames import matrix_to_quat, quat_to_matrix
+from ..core.frames import matrix_to_quat, quat_multiply, quat_to_matrix
 from ..core.geometry import coarse_warning, far_offset
 from ..untrusted.limits import limits
 from .harmonics import rotate_harmonics
@@ -64,14 +64,8 @@ class GaussianCloud:
     def take(self, index: ArrayLike) -> "GaussianCloud":
         """Return the Gaussians that `index` selects, by mask or by number."""
         rows = np.asarray(index)
-        return replace(
-            self,
-            position=self.position[rows],
-            scale=self.scale[rows],
-            quat_wxyz=self.quat_wxyz[rows],
-            opacity=self.opacity[rows],
-            harmonics=self.harmonics[rows],
-        )
+        names = ("position", "scale", "quat_wxyz", "opacity", "harmonics")
+        return replace(self, **{name: getattr(self, name)[rows] for name in names})
 
     def transformed(self, similarity: ArrayLike, far: bool = False) -> "GaussianCloud":
         """Return the cloud moved by a (4, 4) similarity, its harmonics rotated with it.
@@ -90,7 +84,7 @@ class GaussianCloud:
             self,
             **(near_origin(position) if far else _at_origin(position)),
             scale=(self.scale * factor).astype(np.float32),
-            quat_wxyz=_product(turn, self.quat_wxyz),
+            quat_wxyz=quat_multiply(turn, self.quat_wxyz).astype(np.float32),
             harmonics=rotate_harmonics(self.harmonics, rotation),
             up=None,
             unit=None,
@@ -138,23 +132,26 @@ def cleaned(path: Path, cloud: GaussianCloud) -> GaussianCloud:
 
 
 def joined(clouds: list[GaussianCloud]) -> GaussianCloud:
-    """Return all clouds in one, with harmonics of the highest degree; the rest is of the first."""
+    """Return all clouds in one, with harmonics of the highest degree; other facts of the first."""
     origin = np.array(clouds[0].offset)
     width = max(cloud.harmonics.shape[1] for cloud in clouds)
 
-    def padded(cloud: GaussianCloud) -> F32:
+    def arrays(cloud: GaussianCloud) -> tuple[F32, ...]:
+        position = (cloud.position + (np.array(cloud.offset) - origin)).astype(np.float32)
         missing = width - cloud.harmonics.shape[1]
-        return np.pad(cloud.harmonics, ((0, 0), (0, missing), (0, 0)))
+        harmonics = np.pad(cloud.harmonics, ((0, 0), (0, missing), (0, 0)))
+        return position, cloud.scale, cloud.quat_wxyz, cloud.opacity, harmonics
 
+    position, scale, quat, opacity, harmonics = (
+        np.concatenate(parts) for parts in zip(*map(arrays, clouds), strict=True)
+    )
     return replace(
         clouds[0],
-        position=np.concatenate(
-            [(c.position + (np.array(c.offset) - origin)).astype(np.float32) for c in clouds]
-        ),
-        scale=np.concatenate([c.scale for c in clouds]),
-        quat_wxyz=np.concatenate([c.quat_wxyz for c in clouds]),
-        opacity=np.concatenate([c.opacity for c in clouds]),
-        harmonics=np.concatenate([padded(c) for c in clouds]),
+        position=position,
+        scale=scale,
+        quat_wxyz=quat,
+        opacity=opacity,
+        harmonics=harmonics,
     )
 
 
@@ -188,15 +185,3 @@ def covariances(cloud: GaussianCloud) -> F32:
         full = axes @ np.swapaxes(axes, 1, 2)
         out[part] = full[:, [0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]]
     return out
-
-
-def _product(left_wxyz: ArrayLike, right_wxyz: ArrayLike) -> F32:
-    a, b, c, d = np.moveaxis(np.asarray(left_wxyz, dtype=np.float64), -1, 0)
-    w, x, y, z = np.moveaxis(np.asarray(right_wxyz, dtype=np.float64), -1, 0)
-    product = [
-        a * w - b * x - c * y - d * z,
-        a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x,
-        a * z + b * y - c * x + d * w,
-    ]
-    return np.stack(product, axis=-1).astype(np.float32)

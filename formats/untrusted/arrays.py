@@ -2,35 +2,15 @@
 
 import io
 import zipfile
-import zlib
 from pathlib import Path
-from tokenize import TokenError
 from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import FileFormatError, brief
-from .files import check_input, open_input
+from ..core.errors import FileFormatError, brief, one_line
+from .files import PARSER_ERRORS, check_input, open_input
 from .limits import limits
-
-# A header is a Python literal, and an archive has many parts; damaged, they raise all of these.
-_DAMAGED = (
-    OSError,
-    EOFError,
-    ValueError,
-    KeyError,
-    TypeError,
-    SyntaxError,
-    OverflowError,
-    MemoryError,
-    RecursionError,
-    NotImplementedError,
-    RuntimeError,
-    TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
 
 
 def read_arrays(path: Path, data: bytes | None = None) -> dict[str, NDArray[Any]]:
@@ -62,8 +42,10 @@ def map_array(path: Path, *, root: Path | None = None) -> NDArray[Any]:
     check_input(path, root=root)
     try:
         return np.load(path, mmap_mode="r", allow_pickle=False)
-    except _DAMAGED as error:
-        raise FileFormatError(path, f"truncated or corrupt ({_line(error)})") from error
+    except PARSER_ERRORS as error:
+        raise FileFormatError(
+            path, f"truncated or corrupt ({type(error).__name__}: {one_line(error)})"
+        ) from error
 
 
 def _read(path: Path, stream: BinaryIO) -> dict[str, NDArray[Any]]:
@@ -78,13 +60,11 @@ def _read(path: Path, stream: BinaryIO) -> dict[str, NDArray[Any]]:
         stream.seek(0)
         with np.load(stream, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files}
-        for key, values in arrays.items():
-            if not isinstance(values, np.ndarray):
-                raise ValueError(f"{brief(key)} is not an array")
+        other = [key for key, values in arrays.items() if not isinstance(values, np.ndarray)]
+        if other:
+            raise ValueError(f"{brief(other[0])} is not an array")
         return arrays
-    except _DAMAGED as error:
-        raise FileFormatError(path, f"damaged arrays ({_line(error)})") from error
-
-
-def _line(error: BaseException) -> str:
-    return " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    except PARSER_ERRORS as error:
+        raise FileFormatError(
+            path, f"damaged arrays ({type(error).__name__}: {one_line(error)})"
+        ) from error

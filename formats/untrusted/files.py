@@ -7,12 +7,21 @@ device.
 
 import os
 import stat
+import struct
+import zipfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from tokenize import TokenError
 from typing import BinaryIO
 
 from ..core.errors import FileFormatError
 
+# What parsers raise for damaged files: headers may be Python literals, lengths and texts anything.
+PARSER_ERRORS = (
+    *(ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
+    *(SyntaxError, TypeError, ValueError, TokenError, struct.error, zipfile.BadZipFile, zlib.error),
+)
 _BLOCK = 1 << 20
 _LFS_START = b"version https://git-lfs.github.com/spec/"
 _LFS_BYTES = 1024  # a pointer is shorter
@@ -155,14 +164,14 @@ def _open(path: Path) -> int:
     return os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
 
 
-def _check(path: Path, found: os.stat_result, root: Path | None, max_bytes: int | None) -> int:
-    if not stat.S_ISREG(found.st_mode):
-        raise FileFormatError(path, f"is {_kind(found.st_mode)}; valid: a regular file")
+def _check(path: Path, status: os.stat_result, root: Path | None, max_bytes: int | None) -> int:
+    if not stat.S_ISREG(status.st_mode):
+        raise FileFormatError(path, f"is {_kind(status.st_mode)}; valid: a regular file")
     if root is not None:
         require_inside(path, root)
-    if max_bytes is not None and found.st_size > max_bytes:
-        raise _too_large(path, found.st_size, max_bytes)
-    return found.st_size
+    if max_bytes is not None and status.st_size > max_bytes:
+        raise _too_large(path, status.st_size, max_bytes)
+    return status.st_size
 
 
 def _kind(mode: int) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, one_line
 from .files import check_input
 from .limits import limits
 
@@ -27,7 +27,7 @@ def read_schema(path: Path, *, root: Path | None = None) -> pa.Schema:
     try:
         return pq.read_schema(path)
     except (OSError, ValueError, pa.ArrowException) as error:
-        raise _damaged(path, error) from error
+        raise FileFormatError(path, f"not readable ({one_line(error)})") from error
 
 
 def read_table(
@@ -60,7 +60,7 @@ def read_table(
         table.validate(full=True)  # texts that are not UTF-8 would fail where they are used
         return table
     except (OSError, ValueError, KeyError, pa.ArrowException) as error:
-        raise _damaged(path, error) from error
+        raise FileFormatError(path, f"not readable ({one_line(error)})") from error
 
 
 def check_size(path: Path, file: pq.ParquetFile, columns: Sequence[str] | None = None) -> None:
@@ -81,9 +81,8 @@ def check_size(path: Path, file: pq.ParquetFile, columns: Sequence[str] | None =
             plain = column.num_values * _BYTES_PER_VALUE
             total += max(plain, column.total_uncompressed_size)
             # Texts of a dictionary, each of them perhaps as long as the whole of it.
-            if column.physical_type == "BYTE_ARRAY" and any(
-                "DICTIONARY" in encoding for encoding in column.encodings
-            ):
+            coded = any("DICTIONARY" in encoding for encoding in column.encodings)
+            if column.physical_type == "BYTE_ARRAY" and coded:
                 most = column.num_values * column.total_uncompressed_size
                 texts[column.path_in_schema] = texts.get(column.path_in_schema, 0) + most
     if total <= cap < total + sum(texts.values()):
@@ -106,7 +105,3 @@ def _text_bytes(path: Path, columns: list[str]) -> int:
                     longest = max(len(text.as_buffer() or b"") for text in values.dictionary)
                     total += longest * len(values)
     return total
-
-
-def _damaged(path: Path, error: Exception) -> FileFormatError:
-    return FileFormatError(path, f"not readable ({' '.join(str(error).split())[:300]})")

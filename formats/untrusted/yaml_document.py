@@ -5,7 +5,7 @@ from typing import Any
 
 import yaml
 
-from ..core.errors import FileFormatError
+from ..core.errors import FileFormatError, one_line
 from .files import read_input
 from .limits import limits
 
@@ -29,29 +29,27 @@ def read_yaml(path: Path) -> Any:
     except yaml.MarkedYAMLError as error:
         line = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         raise FileFormatError(path, f"not YAML: {line}{error.problem}") from error
-    except yaml.YAMLError as error:
-        raise FileFormatError(path, f"not YAML: {_brief(error)}") from error
-    except (ValueError, RecursionError) as error:  # dates that do not exist, bad UTF-8
-        raise FileFormatError(path, f"not YAML: {_brief(error)}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # also dates that do not exist
+        raise FileFormatError(path, f"not YAML: {one_line(error)}") from error
 
 
 def _check_events(path: Path, text: str) -> None:
     """Count what the document becomes when every alias is written out."""
     caps = limits()
     sizes: dict[str, int] = {}
-    # Of each open list or mapping: its anchor, and the nodes in it so far.
+    # The anchor of each open list or mapping, and the nodes in it so far.
     stack: list[tuple[str | None, int]] = [(None, 0)]
+
+    def refuse(event: yaml.Event, reason: str) -> FileFormatError:
+        return FileFormatError(path, f"line {event.start_mark.line + 1}: {reason}")
 
     def close(anchor: str | None, size: int) -> None:
         if anchor is not None:
             sizes[anchor] = size
         above, total = stack.pop()
         if total + size > caps.yaml_nodes:
-            raise FileFormatError(
-                path,
-                f"has more than {caps.yaml_nodes:,} values with its aliases written out, "
-                "which is the limit",
-            )
+            most = f"{caps.yaml_nodes:,} values with its aliases written out"
+            raise FileFormatError(path, f"has more than {most}, which is the limit")
         stack.append((above, total + size))
 
     for event in yaml.parse(text, Loader=yaml.SafeLoader):
@@ -65,21 +63,11 @@ def _check_events(path: Path, text: str) -> None:
             close(*stack.pop())
         elif isinstance(event, yaml.ScalarEvent):
             if event.style is None and len(event.value) > MAX_PLAIN_SCALAR:
-                raise FileFormatError(
-                    path,
-                    f"line {event.start_mark.line + 1}: {len(event.value):,} characters without "
-                    f"quotes; valid: up to {MAX_PLAIN_SCALAR:,}",
-                )
+                size = f"{len(event.value):,} characters without quotes"
+                raise refuse(event, f"{size}; valid: up to {MAX_PLAIN_SCALAR:,}")
             close(event.anchor, 1)
         elif isinstance(event, yaml.AliasEvent):
             if event.anchor not in sizes:
-                raise FileFormatError(
-                    path,
-                    f"line {event.start_mark.line + 1}: alias *{event.anchor} refers to itself or "
-                    "to nothing above it",
-                )
+                alias = f"alias *{event.anchor}"
+                raise refuse(event, f"{alias} refers to itself or to nothing above it")
             close(None, sizes[event.anchor])
-
-
-def _brief(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]

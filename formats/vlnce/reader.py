@@ -2,28 +2,18 @@
 
 import json
 import math
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 
 from ..core.arrays import Array
 from ..core.errors import FileFormatError, brief
+from ..untrusted.files import is_relative
 from .records import BadEpisode, VlnceEpisode, VlnceGoal
 
-_KNOWN = {
-    "episode_id",
-    "trajectory_id",
-    "scene_id",
-    "start_position",
-    "start_rotation",
-    "info",
-    "goals",
-    "instruction",
-    "reference_path",
-}
-
 _NUMBERS = {"start_position", "start_rotation", "reference_path"}
+_KNOWN = _NUMBERS | {"episode_id", "trajectory_id", "scene_id", "info", "goals", "instruction"}
 
 
 class BadEpisodeError(FileFormatError):
@@ -159,10 +149,7 @@ class EpisodeReader:
 
 def unsafe_scene_id(value: Any) -> bool:
     """Return whether a scene id would lead out of the folder of scenes."""
-    if not isinstance(value, str):
-        return False
-    absolute = PurePosixPath(value).is_absolute() or PureWindowsPath(value).anchor
-    return bool(absolute) or ".." in PureWindowsPath(value).parts or "\0" in value
+    return isinstance(value, str) and not is_relative(value)
 
 
 def writable(value: Any) -> bool:
