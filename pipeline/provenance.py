@@ -12,7 +12,7 @@ from ..formats.core.rollout import Rollout
 from ..formats.core.source import ROOT
 from ..formats.lerobot.splits import held_out_scenes
 from ..formats.scene.bundle import SceneBundle
-from ..formats.video.mp4 import DEPTH_CODEC, RGB_CODECS
+from ..formats.video.codecs import DEPTH_CODEC, RGB_CODECS
 from .engine.work import digest
 
 # Facts of a rollout that say how it was made, not what happened in it.

@@ -29,7 +29,7 @@ from ..lerobot.statistics import column_statistics
 from ..lerobot.unit_parts import UnitParts
 from ..lerobot.unit_rows import unit_rows
 from ..rendered.table import FrameTable, StartFrame, planar_motion
-from ..video.mp4 import probe_video
+from ..video.stream import probe_video
 from . import layout
 from .reader import LayoutEpisode, SceneFolder
 

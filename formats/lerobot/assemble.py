@@ -47,7 +47,7 @@ MEGABYTE = 1024 * 1024
 
 @dataclass(frozen=True)
 class DatasetSummary:
-    """What was assembled."""
+    """Numbers of an assembled dataset."""
 
     episodes: int
     frames: int
@@ -90,8 +90,9 @@ def assemble_dataset(
         for key in _video_keys(first):
             for number, place in enumerate(_join_videos(key, units, sizes, first, root, limits)):
                 places[number] |= place
-        total, tasks, splits = StatisticsSum(), _Tasks(), _Splits(provenance)
-        frames, texts = 0, set[str]()
+        total, splits = StatisticsSum(), _Splits(provenance)
+        # Tasks by the order of their first appearance.
+        tasks, frames, texts = dict[str, int](), 0, set[str]()
         schema = row_schema(first.features)
         schema = with_language(schema) if language else schema
         with (
@@ -103,7 +104,7 @@ def assemble_dataset(
                 own = {
                     "episode_index": np.full(unit.length, number),
                     "index": np.arange(frames, frames + unit.length),
-                    "task_index": np.full(unit.length, tasks.index(unit.task)),
+                    "task_index": np.full(unit.length, tasks.setdefault(unit.task, len(tasks))),
                 }
                 table = unit.rows()
                 for key, values in own.items():
@@ -112,39 +113,32 @@ def assemble_dataset(
                     spoken = language_column(unit.columns, unit.task, unit.length)
                     table = table.append_column(COLUMN, spoken)
                 data = rows.write(_conform(table, schema, folder))
-                statistics = unit.statistics | {
-                    key: column_statistics(values) for key, values in own.items()
-                }
+                statistics = unit.statistics | {k: column_statistics(v) for k, v in own.items()}
                 total.add(statistics)
-                split = splits.add(number, unit)
-                episodes.add(
-                    {
-                        "episode_index": number,
-                        "tasks": [unit.task],
-                        "length": unit.length,
-                        "data/chunk_index": data.chunk_index,
-                        "data/file_index": data.file_index,
-                        "dataset_from_index": frames,
-                        "dataset_to_index": frames + unit.length,
-                        **videos,
-                        **{
-                            f"stats/{key}/{name}": value
-                            for key in first.features
-                            for name, value in statistics_to_json(statistics[key]).items()
-                        },
-                    },
-                    unit.columns | {"split": split},
-                )
+                row = {
+                    "episode_index": number,
+                    "tasks": [unit.task],
+                    "length": unit.length,
+                    "data/chunk_index": data.chunk_index,
+                    "data/file_index": data.file_index,
+                    "dataset_from_index": frames,
+                    "dataset_to_index": frames + unit.length,
+                    **videos,
+                }
+                for key in first.features:
+                    values = statistics_to_json(statistics[key])
+                    row |= {f"stats/{key}/{name}": value for name, value in values.items()}
+                episodes.add(row, unit.columns | {"split": splits.add(number, unit)})
                 frames += unit.length
                 texts.update(unit.columns["instructions"])
-        summary = DatasetSummary(len(units), frames, len(tasks.names))
+        summary = DatasetSummary(len(units), frames, len(tasks))
         features = first.features | (FEATURES if language else {})
         info = _info(first, features, summary, limits)
         _write(root / INFO_PATH, info)
         _write(root / STATS_PATH, total.result())
         _write(root / SPLITS_PATH, splits.episodes)
         _write(root / PROVENANCE_PATH, dict(provenance))
-        pq.write_table(tasks_table(tasks.names), root / TASKS_PATH)
+        pq.write_table(tasks_table(list(tasks)), root / TASKS_PATH)
         shown = [read_episode_unit(units[i]) for i in shown_units(len(units))]
         (root / FILM_STRIP).write_bytes(film_strip(shown))
         facts = CardFacts(
@@ -164,20 +158,6 @@ def assemble_dataset(
 def _camera_facts(units: Sequence[EpisodeUnit]) -> CameraFacts:
     poses = [row_arrays(unit.rows())["observation.camera_pose"] for unit in units]
     return CameraFacts.of(camera_of(units[0].columns), np.concatenate(poses))
-
-
-class _Tasks:
-    """Instructions in order of first appearance."""
-
-    def __init__(self) -> None:
-        self._index: dict[str, int] = {}
-
-    def index(self, task: str) -> int:
-        return self._index.setdefault(task, len(self._index))
-
-    @property
-    def names(self) -> list[str]:
-        return list(self._index)
 
 
 class _Splits:
@@ -213,9 +193,8 @@ def _size(unit: EpisodeUnit, first: EpisodeUnit) -> _Size:
     """Check that a unit is complete and matches the first."""
     for name in ("robot", "frames_per_second", "features"):
         if getattr(unit, name) != getattr(first, name):
-            raise FileFormatError(
-                unit.folder, f"{name} differs from the first unit's ({first.folder.name})"
-            )
+            reason = f"{name} differs from the first unit's ({first.folder.name})"
+            raise FileFormatError(unit.folder, reason)
     for key in _video_keys(unit):
         if not unit.video(key).is_file():
             raise FileFormatError(unit.video(key), "missing; the unit is incomplete")
@@ -237,12 +216,9 @@ def _join_videos(
     for end in _file_ends(key, sizes, first.frames_per_second, limits):
         paths = [folder / f"{key}.mp4" for folder in units[begin:end]]
         counts = concatenate_videos(paths, root / place.path(VIDEO_PATH, video_key=key))
-        for number, count in enumerate(counts, begin):
-            if count != sizes[number].length:
-                raise FileFormatError(
-                    units[number] / f"{key}.mp4",
-                    f"{count} frames, the unit has {sizes[number].length}",
-                )
+        for path, count, size in zip(paths, counts, sizes[begin:end], strict=True):
+            if count != size.length:
+                raise FileFormatError(path, f"{count} frames, the unit has {size.length}")
         times = np.concatenate([[0], np.cumsum(counts)]) / first.frames_per_second
         places += [
             {

@@ -81,14 +81,14 @@ class CardFacts:
     provenance: Mapping[str, Any]
     instructions: int
 
+    def scenes(self) -> dict[str, Mapping[str, Any]]:
+        """Return the facts of the source of each scene that the provenance knows."""
+        scenes: Mapping[str, Any] = self.provenance.get("scenes") or {}
+        return {name: facts for name, facts in scenes.items() if isinstance(facts, Mapping)}
+
     def scene_licences(self) -> dict[str, str]:
         """Return the licence identifier of each scene that the provenance knows."""
-        scenes: Mapping[str, Any] = self.provenance.get("scenes") or {}
-        return {
-            name: licence_id(str(source.get("licence") or ""))
-            for name, source in scenes.items()
-            if isinstance(source, Mapping)
-        }
+        return {k: licence_id(str(v.get("licence") or "")) for k, v in self.scenes().items()}
 
 
 def dataset_card(facts: CardFacts, info: Mapping[str, Any]) -> str:
@@ -177,12 +177,10 @@ def _instructions(facts: CardFacts, info: Mapping[str, Any]) -> str:
 def _camera(facts: CameraFacts) -> str:
     camera = facts.camera
     (fx, _, cx), (_, _, cy), _ = camera.intrinsics.tolist()
+    spreads = ((facts.height_m, 2, " m"), (facts.pitch_down_deg, 0, "°"))
     height, pitch = (
         f"{middle:.{digits}f}{unit} ({low:.{digits}f} … {high:.{digits}f})"
-        for (low, middle, high), digits, unit in (
-            (facts.height_m, 2, " m"),
-            (facts.pitch_down_deg, 0, "°"),
-        )
+        for (low, middle, high), digits, unit in spreads
     )
     return f"""Camera `{camera.name}`: {camera.width_px} × {camera.height_px} px, HFOV \
 {camera.hfov_deg:g}°, fx = fy = {fx:.3f}, cx = {cx:g}, cy = {cy:g}.
@@ -200,11 +198,9 @@ def _spread(values: Floats) -> tuple[float, float, float]:
 
 def _unsound(facts: CardFacts) -> str:
     """Return the section about unsound scenes and their faults; empty without any."""
-    scenes: Mapping[str, Any] = facts.provenance.get("scenes") or {}
     lines = [
         f"- `{name}`: {problem}"
-        for name, source in sorted(scenes.items())
-        if isinstance(source, Mapping)
+        for name, source in sorted(facts.scenes().items())
         for problem in source.get(UNSOUND, ())
     ]
     if not lines:
@@ -228,15 +224,8 @@ def _splits(facts: CardFacts) -> str:
         statement = "No scene is in two splits."
     else:
         statement = "Some scenes are in two splits, as the episodes' source has it."
-    return "\n".join(
-        [
-            "| split | episodes | scenes |",
-            "|---|---|---|",
-            *rows,
-            "",
-            f"`meta/splits.json` lists each split's episodes. {statement}",
-        ]
-    )
+    note = f"`meta/splits.json` lists each split's episodes. {statement}"
+    return "\n".join(["| split | episodes | scenes |", "|---|---|---|", *rows, "", note])
 
 
 def _features(info: Mapping[str, Any]) -> str:
@@ -261,17 +250,14 @@ def _depth(info: Mapping[str, Any]) -> str:
 def _licences(facts: CardFacts, licences: Mapping[str, str]) -> str:
     if not licences:
         return f"`{facts.licence}`."
-    scenes = facts.provenance["scenes"]
-    return "\n".join(
-        [
-            "The images show these scenes and come under their licences; the full texts are in",
-            "`meta/provenance.json`.",
-            "",
-            "| scene | licence | SHA-256 of the scan |",
-            "|---|---|---|",
-            *(
-                f"| {name} | {licence} | `{str(scenes[name].get('sha256', ''))[:16]}` |"
-                for name, licence in licences.items()
-            ),
-        ]
+    rows = "\n".join(
+        f"| {name} | {licences[name]} | `{str(source.get('sha256', ''))[:16]}` |"
+        for name, source in facts.scenes().items()
     )
+    return f"""\
+The images show these scenes and come under their licences; the full texts are in
+`meta/provenance.json`.
+
+| scene | licence | SHA-256 of the scan |
+|---|---|---|
+{rows}"""

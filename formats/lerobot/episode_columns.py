@@ -54,7 +54,7 @@ EDITED_ADVICE = (
     "if LeRobot's tools edited a dataset of vlnpe, run "
     "`vlnpe restore <this dataset> --original <the dataset it was made from>`"
 )
-# What data that was written before these columns were has in them.
+# Values of columns that older data lacks.
 LATER_COLUMNS: dict[str, Any] = {
     "metrics/recovered": False,
     "metrics/down": False,
@@ -114,9 +114,5 @@ def episode_columns(
 
 def camera_of(columns: Mapping[str, Any]) -> CameraModel:
     """Return the camera of a unit's columns."""
-    return CameraModel(
-        columns["camera_name"],
-        columns["camera_width_px"],
-        columns["camera_height_px"],
-        columns["camera_hfov_deg"],
-    )
+    names = ("name", "width_px", "height_px", "hfov_deg")
+    return CameraModel(*(columns[f"camera_{name}"] for name in names))

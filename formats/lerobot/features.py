@@ -4,13 +4,12 @@ from typing import Any
 
 from ..core.camera import DepthRange
 from ..rendered.table import FrameTable
+from ..video.codecs import DEPTH_CODEC, GROUP_OF_PICTURES, RGB_CODECS, VideoCodec
 from ..video.depth_codes import SHIFT_M
-from ..video.mp4 import DEPTH_CODEC, GROUP_OF_PICTURES, RGB_CODECS, VideoCodec, VideoFacts
+from ..video.stream import VideoFacts
 from .layout import DEPTH_KEY, RGB_KEY, Features, automatic_features
 
 IMAGE_NAMES = ["height", "width", "channels"]
-
-
 # How depth is kept: a lossless video of 12-bit codes, or images of whole millimetres in the rows.
 DEPTH_STORAGES = ("video", "image")
 
@@ -26,8 +25,8 @@ def dataset_features(
     """Return the features of a dataset of one robot and one camera view."""
     features: Features = {
         key: {"dtype": str(column.dtype), "shape": [column.shape[1]], "names": names}
-        for (key, column), names in zip(
-            table.columns.items(), table.column_names.values(), strict=True
+        for key, column, names in zip(
+            table.columns, table.columns.values(), table.column_names.values(), strict=True
         )
     }
     features[RGB_KEY] = {
@@ -36,13 +35,13 @@ def dataset_features(
         "names": IMAGE_NAMES,
         "info": _video_info(rgb, RGB_CODECS[rgb_codec], 3) | {"is_depth_map": False},
     }
+    image = depth_storage == "image"
+    millimetres = {"is_depth_map": True, "depth_unit": "mm"}
     features[DEPTH_KEY] = {
         "dtype": depth_storage,
         "shape": [depth.height_px, depth.width_px, 1],
         "names": IMAGE_NAMES,
-        "info": {"is_depth_map": True, "depth_unit": "mm"}
-        if depth_storage == "image"
-        else _depth_video_info(depth, depth_range),
+        "info": millimetres if image else _depth_video_info(depth, depth_range),
     }
     return features | automatic_features()
 

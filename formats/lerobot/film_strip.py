@@ -48,9 +48,9 @@ def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
     return data.tobytes()
 
 
-def _spread(count: int, wanted: int) -> list[int]:
-    """Return up to `wanted` evenly spaced indices below `count`, the first and last included."""
-    return sorted(set(np.linspace(0, count - 1, min(count, wanted)).round().astype(int).tolist()))
+def _spread(count: int, most: int) -> list[int]:
+    """Return up to `most` evenly spaced indices below `count`, the first and last included."""
+    return sorted(set(np.linspace(0, count - 1, min(count, most)).round().astype(int).tolist()))
 
 
 def _head(unit: EpisodeUnit, width_px: int) -> U8:

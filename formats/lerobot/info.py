@@ -48,9 +48,8 @@ def read_info(root: Path) -> dict[str, Any]:
         older = isinstance(version, str) and version.startswith(("v1", "v2"))
         advice = f"; {_CONVERT}" if older else ""
         name = version[:40] if isinstance(version, str) else f"version {brief(version)}"
-        raise ForeignDatasetError(
-            path, f"LeRobot {name}; valid: LeRobot {CODEBASE_VERSION}{advice}"
-        )
+        valid = f"valid: LeRobot {CODEBASE_VERSION}{advice}"
+        raise ForeignDatasetError(path, f"LeRobot {name}; {valid}")
     check_features(path, info.get("features"))
     rate = info.get("fps")
     if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate <= MAX_FPS:
@@ -71,9 +70,8 @@ def check_features(path: Path, features: Any) -> None:
         raise FileFormatError(path, f"not a LeRobot dataset: features is {brief(features)}")
     for name, feature in features.items():
         if not _FEATURE.fullmatch(name):
-            raise FileFormatError(
-                path, f"feature {brief(name)}; valid: letters, digits, '_', '-' and '.'"
-            )
+            valid = "letters, digits, '_', '-' and '.'"
+            raise FileFormatError(path, f"feature {brief(name)}; valid: {valid}")
         shape = feature.get("shape") if isinstance(feature, dict) else None
         if (
             not isinstance(feature, dict)
@@ -100,14 +98,12 @@ def check_template(path: Path, key: str, template: Any, fields: tuple[str, ...])
             if name not in fields or conversion or not _WIDTH.fullmatch(width or ""):
                 raise ValueError(f"field {brief(name)}")
     except ValueError as error:
-        valid = ", ".join(f"{{{name}}}" for name in fields)
-        raise FileFormatError(
-            path, f"{key} is {brief(template)} ({error}); valid: a path with {valid}"
-        ) from error
+        valid = "a path with " + ", ".join(f"{{{name}}}" for name in fields)
+        reason = f"{key} is {brief(template)} ({error}); valid: {valid}"
+        raise FileFormatError(path, reason) from error
     if not is_relative(template):
-        raise FileFormatError(
-            path, f"{key} is {brief(template)}, which leads out of the dataset; valid: relative"
-        )
+        reason = f"{key} is {brief(template)}, which leads out of the dataset"
+        raise FileFormatError(path, f"{reason}; valid: relative")
 
 
 def video_start_s(root: Path, value: Any) -> float:

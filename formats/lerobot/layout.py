@@ -67,7 +67,7 @@ def automatic_features() -> Features:
 
 
 def row_schema(features: Features, without: tuple[str, ...] = ()) -> pa.Schema:
-    """Return Parquet schema of the frame rows, with the metadata by which `datasets` types them."""
+    """Return the schema of the frame rows, with the metadata by which `datasets` types them."""
     fields, hub_features = [], {}
     for key, feature in features.items():
         if feature["dtype"] == "video" or key in without:
@@ -92,13 +92,8 @@ def tasks_table(tasks: list[str]) -> pa.Table:
     """Return the tasks in index order, as pandas would store a frame with the index `task`."""
 
     def column(name: str, pandas_type: str, numpy_type: str) -> dict[str, Any]:
-        return {
-            "name": name,
-            "field_name": name,
-            "pandas_type": pandas_type,
-            "numpy_type": numpy_type,
-            "metadata": None,
-        }
+        types = {"pandas_type": pandas_type, "numpy_type": numpy_type}
+        return {"name": name, "field_name": name, **types, "metadata": None}
 
     pandas = {
         "index_columns": ["task"],

@@ -14,11 +14,7 @@ EPISODES_PER_GROUP = 100
 
 
 class RollingParquet:
-    """Write tables, one row group each, into `chunk-…/file-….parquet` of limited size.
-
-    Args:
-        limits: when a file is full.
-    """
+    """Write tables, one row group each, into `chunk-…/file-….parquet` of limited size."""
 
     def __init__(self, root: Path, template: str, limits: FileLimits):
         self._root, self._template, self._limits = root, template, limits
@@ -69,8 +65,7 @@ class EpisodeTable:
 
     def __init__(self, root: Path, limits: FileLimits):
         self._writer = RollingParquet(root, EPISODES_PATH, limits)
-        self._rows: list[dict[str, Any]] = []
-        self._own: list[dict[str, Any]] = []
+        self._rows: list[tuple[dict[str, Any], dict[str, Any]]] = []
 
     def __enter__(self) -> Self:
         return self
@@ -82,8 +77,7 @@ class EpisodeTable:
 
     def add(self, row: dict[str, Any], own: dict[str, Any]) -> None:
         """Append an episode: LeRobot's columns, and ours (`EPISODE_COLUMNS`)."""
-        self._rows.append(row)
-        self._own.append(own)
+        self._rows.append((row, own))
         if len(self._rows) == EPISODES_PER_GROUP:
             self._flush()
 
@@ -91,11 +85,10 @@ class EpisodeTable:
         if not self._rows:
             return
         place, count = self._writer.upcoming(), len(self._rows)
-        columns = {key: pa.array([row[key] for row in self._rows]) for key in self._rows[0]}
+        columns = {key: pa.array([row[key] for row, _ in self._rows]) for key in self._rows[0][0]}
         columns["meta/episodes/chunk_index"] = pa.array([place.chunk_index] * count)
         columns["meta/episodes/file_index"] = pa.array([place.file_index] * count)
         for key, kind in EPISODE_COLUMNS.items():
-            columns[key] = pa.array([own[key] for own in self._own], kind)
+            columns[key] = pa.array([own[key] for _, own in self._rows], kind)
         self._writer.write(pa.table(columns))
         self._rows.clear()
-        self._own.clear()

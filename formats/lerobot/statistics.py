@@ -30,12 +30,8 @@ def column_statistics(values: NDArray[Any]) -> Statistics:
     columns = columns.astype(np.result_type(columns.dtype, np.float32), copy=False)
     lower, upper = columns.min(axis=0), columns.max(axis=0)
     mean: NDArray[Any] = columns.mean(axis=0)
-    result: Statistics = {
-        "min": lower,
-        "max": upper,
-        "mean": mean,
-        "count": np.array([len(values)]),
-    }
+    count = np.array([len(values)])
+    result: Statistics = {"min": lower, "max": upper, "mean": mean, "count": count}
     if len(values) == 1:
         result["std"] = np.zeros_like(mean)
         return result | dict.fromkeys(QUANTILES, mean)

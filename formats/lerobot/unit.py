@@ -28,8 +28,8 @@ from ..rendered.table import FrameTable, build_frame_table
 from ..untrusted.documents import read_json_object
 from ..untrusted.tables import read_table
 from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, decode_depth_tiff
-from ..video.mp4 import VideoFacts, iterate_depth_codes, iterate_rgb_video, probe_video
-from ..video.stream import pick_frames
+from ..video.mp4 import iterate_depth_codes, iterate_rgb_video
+from ..video.stream import VideoFacts, pick_frames, probe_video
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
 from .features import DEPTH_STORAGES, dataset_features
 from .layout import DEPTH_KEY, RGB_KEY
@@ -40,11 +40,7 @@ from .unit_rows import stores_images, unit_rows, with_depth_images
 
 @dataclass(frozen=True, kw_only=True)
 class EpisodeUnit(UnitParts):
-    """A unit on disk.
-
-    Attributes:
-        folder: where it lies.
-    """
+    """A unit in a folder."""
 
     folder: Path
 
@@ -69,9 +65,8 @@ class EpisodeUnit(UnitParts):
             try:
                 millimetres = decode_depth_tiff(images[number].as_py()["bytes"])
             except (IndexError, TypeError, ValueError) as error:
-                raise FileFormatError(
-                    self.folder / ROWS, f"frame {number} has no depth image"
-                ) from error
+                reason = f"frame {number} has no depth image"
+                raise FileFormatError(self.folder / ROWS, reason) from error
             yield (millimetres / np.float32(1000)).astype(np.float32)
 
     def rows(self) -> pa.Table:
@@ -160,10 +155,10 @@ def read_episode_unit(folder: Path) -> EpisodeUnit:
 
 def _checked_video(path: Path, table: FrameTable, camera: CameraModel) -> VideoFacts:
     facts = probe_video(path)
-    found = (facts.frames, facts.frames_per_second, facts.width_px, facts.height_px)
+    actual = (facts.frames, facts.frames_per_second, facts.width_px, facts.height_px)
     expected = (len(table), table.frames_per_second, camera.width_px, camera.height_px)
-    if found != expected:
-        raise FileFormatError(path, f"frames, rate, width, height {found}; expected {expected}")
+    if actual != expected:
+        raise FileFormatError(path, f"frames, rate, width, height {actual}; expected {expected}")
     return facts
 
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -52,33 +52,19 @@ class UnitParts:
             FileFormatError: another version, or features that cannot be used.
             KeyError, TypeError, ValueError, AttributeError: not an index.
         """
-        if index["unit_version"] != UNIT_VERSION:
-            raise FileFormatError(
-                path, f"unit version {index['unit_version']}; this code reads {UNIT_VERSION}"
-            )
+        version = index["unit_version"]
+        if version != UNIT_VERSION:
+            raise FileFormatError(path, f"unit version {version}; this code reads {UNIT_VERSION}")
         check_features(path, index["features"])
-        return UnitParts(
-            frames_per_second=index["frames_per_second"],
-            robot=index["robot"],
-            features=index["features"],
-            task=index["task"],
-            length=index["length"],
-            statistics={k: statistics_from_json(v) for k, v in index["statistics"].items()},
-            columns=index["columns"],
-        )
+        parts = {field.name: index[field.name] for field in fields(UnitParts)}
+        statistics = {k: statistics_from_json(v) for k, v in index["statistics"].items()}
+        return UnitParts(**parts | {"statistics": statistics})
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, as in unit.json."""
-        return {
-            "unit_version": UNIT_VERSION,
-            "frames_per_second": self.frames_per_second,
-            "robot": self.robot,
-            "features": self.features,
-            "task": self.task,
-            "length": self.length,
-            "statistics": {k: statistics_to_json(v) for k, v in self.statistics.items()},
-            "columns": self.columns,
-        }
+        parts = {field.name: getattr(self, field.name) for field in fields(UnitParts)}
+        statistics = {k: statistics_to_json(v) for k, v in self.statistics.items()}
+        return {"unit_version": UNIT_VERSION, **parts, "statistics": statistics}
 
 
 def write_unit(folder: Path, make: Callable[[Path], tuple[UnitParts, pa.Table]]) -> None:

@@ -83,13 +83,9 @@ def with_depth_images(
     One at a time: only their encoded bytes are held.
     """
     schema = unit_schema(features)
-    data = [
-        encode_depth_tiff(codes_to_millimetres(codes, depth_range))
-        for codes in iterate_depth_codes(video)
-    ]
-    names = [f"frame-{number:06d}.tiff" for number in range(len(data))]
-    images = pa.StructArray.from_arrays(
-        [pa.array(data, pa.binary()), pa.array(names)], fields=list(IMAGE_TYPE)
-    )
+    images = (codes_to_millimetres(codes, depth_range) for codes in iterate_depth_codes(video))
+    data = pa.array([encode_depth_tiff(image) for image in images], pa.binary())
+    names = pa.array([f"frame-{number:06d}.tiff" for number in range(len(data))])
+    images = pa.StructArray.from_arrays([data, names], fields=list(IMAGE_TYPE))
     table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)
     return table.replace_schema_metadata(schema.metadata)

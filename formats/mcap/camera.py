@@ -21,7 +21,8 @@ from ..core.arrays import U16, Array
 from ..core.frames import matrix_to_quat, quat_to_matrix
 from ..core.rollout import Rollout
 from ..rendered.folder import FrameFolder
-from ..video.mp4 import RGB_CODECS, iterate_depth_codes
+from ..video.codecs import RGB_CODECS
+from ..video.mp4 import iterate_depth_codes
 from ..video.mux import iterate_bitstream
 from .depth_images import depth_encoding, encode_depth
 from .recording import Recording, timestamp

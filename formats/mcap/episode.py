@@ -26,7 +26,7 @@ from ..rendered.folder import FrameFolder, read_frame_folder
 from ..rendered.table import build_frame_table
 from ..untrusted.arrays import read_arrays
 from ..untrusted.documents import parse_json
-from ..video.mp4 import probe_video
+from ..video.stream import probe_video
 from .camera import camera_messages
 from .camera_streams import extract_videos
 from .facts import JSON_KEY, METADATA_NAME, rollout_facts

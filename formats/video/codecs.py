@@ -41,13 +41,11 @@ class VideoCodec:
 # default, preset 12, CRF 30) takes four times as long as superfast for half the bytes at 2.8 dB
 # less. Noise textures cost more, but keep the order. CAVLC (coder 0) makes H.264 1.2 times as fast
 # to write and 1.8 times as fast to read as CABAC does, for the same pixels and 6 % more bytes.
+_FAST = {"bf": 0, "threads": 1, "coder": 0}
+_AV1 = {"svtav1-params": "fast-decode=0:lp=1"}
 RGB_CODECS: dict[str, VideoCodec] = {
-    "h264": VideoCodec(
-        "h264", "h264", "yuv420p", 21, "ultrafast", {"bf": 0, "threads": 1, "coder": 0}
-    ),
-    "av1": VideoCodec(
-        "libsvtav1", "av1", "yuv420p", 30, 12, {"svtav1-params": "fast-decode=0:lp=1"}
-    ),
+    "h264": VideoCodec("h264", "h264", "yuv420p", 21, "ultrafast", _FAST),
+    "av1": VideoCodec("libsvtav1", "av1", "yuv420p", 30, 12, _AV1),
 }
 
 
@@ -60,19 +58,12 @@ def check_rgb_codec(name: str) -> None:
 # memory that it never wrote, so that the same frames give other bytes; without it, and with CRFs 7
 # higher, bytes and PSNR are the same within 4 % and 0.1 dB (a pan over a rendered room).
 # For clips one key frame: a sixth of the bytes.
-CLIP_CODEC = VideoCodec(
-    "h264",
-    "h264",
-    "yuv420p",
-    36,
-    "medium",
-    {"g": 250, "bf": 2, "threads": 1, "tune": "animation", "mbtree": 0},
-)
+_WATCH = {"g": 50, "bf": 2, "threads": 1, "mbtree": 0}
+_CLIP = {"g": 250, "bf": 2, "threads": 1, "tune": "animation", "mbtree": 0}
+CLIP_CODEC = VideoCodec("h264", "h264", "yuv420p", 36, "medium", _CLIP)
 
 # Whole episodes: finer than a clip, a key frame every other second.
-WATCH_CODEC = VideoCodec(
-    "h264", "h264", "yuv420p", 30, "veryfast", {"g": 50, "bf": 2, "threads": 1, "mbtree": 0}
-)
+WATCH_CODEC = VideoCodec("h264", "h264", "yuv420p", 30, "veryfast", _WATCH)
 
 # Lossless 12-bit HEVC. Blocks of 16 instead of 64 pixels make lossless encoding 1.7 times as fast
 # for 1 % more bytes (3.3 ms, 23 kB a frame), deciding by distortion alone (rd=1) 1.15 times as fast
@@ -80,14 +71,10 @@ WATCH_CODEC = VideoCodec(
 # 26 % in 1.2 times the time; blocks of 8: 32 % in 2.6 times). Most of the time is entropy coding:
 # motion search, merging, checksums, intra frames alone change it by less than 5 %.
 # One thread per encoder: episodes run in parallel.
+_LOSSLESS = (
+    "lossless=1:ctu=16:max-tu-size=8:rd=1:bframes=0:scenecut=0:rc-lookahead=0"
+    ":pools=none:frame-threads=1:info=0:log-level=none"
+)
 DEPTH_CODEC = VideoCodec(
-    "hevc",
-    "hevc",
-    DEPTH_PIXEL_FORMAT,
-    30,
-    "ultrafast",
-    {
-        "x265-params": "lossless=1:ctu=16:max-tu-size=8:rd=1:bframes=0:scenecut=0:rc-lookahead=0"
-        ":pools=none:frame-threads=1:info=0:log-level=none"
-    },
+    "hevc", "hevc", DEPTH_PIXEL_FORMAT, 30, "ultrafast", {"x265-params": _LOSSLESS}
 )

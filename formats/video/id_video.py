@@ -7,8 +7,7 @@ reads them.
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from types import TracebackType
-from typing import cast
+from typing import Any, cast
 
 import av
 import numpy as np
@@ -27,10 +26,9 @@ MAX_ID = 65535
 
 
 class IdVideoWriter:
-    """Writes a video frame by frame; the file appears only once it is complete."""
+    """Writes a video (.mov) frame by frame; the file appears only once it is complete."""
 
     def __init__(self, path: Path, frames_per_second: int):
-        """Prepare to write `path` (.mov)."""
         self._path, self._rate = path, frames_per_second
         self._stack = contextlib.ExitStack()
         self._container: OutputContainer | None = None
@@ -38,7 +36,6 @@ class IdVideoWriter:
         self._count = 0
 
     def __enter__(self) -> "IdVideoWriter":
-        """Open the file."""
         temporary = self._stack.enter_context(atomic_file(self._path))
         self._container = self._stack.enter_context(av.open(str(temporary), "w", format="mov"))
         return self
@@ -60,23 +57,17 @@ class IdVideoWriter:
             self._stream.codec_context.thread_count = 1
         if ids.shape != (self._stream.height, self._stream.width):
             raise ValueError(f"frame {self._count} has shape {ids.shape}, unlike the first")
-        frame = av.VideoFrame.from_ndarray(
-            np.ascontiguousarray(ids, dtype=np.uint16), format="gray16le"
-        )
+        image = np.ascontiguousarray(ids, dtype=np.uint16)
+        frame = av.VideoFrame.from_ndarray(image, format="gray16le")
         frame.pts = self._count
         self._container.mux(self._stream.encode(frame))
         self._count += 1
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *details: Any) -> None:
         """Close the file; after an error nothing is left."""
         if kind is None and self._stream is not None and self._container is not None:
             self._container.mux(self._stream.encode(None))
-        self._stack.__exit__(kind, error, trace)
+        self._stack.__exit__(kind, *details)
 
 
 def iterate_id_video(path: Path) -> Iterator[U16]:

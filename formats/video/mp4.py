@@ -21,37 +21,10 @@ from ..core.atomic import atomic_file
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..rendered.image_counts import add_depth_codes, add_rgb
-from .codecs import (
-    CLIP_CODEC,
-    DEPTH_CODEC,
-    GROUP_OF_PICTURES,
-    RGB_CODECS,
-    WATCH_CODEC,
-    VideoCodec,
-    check_rgb_codec,
-)
+from .codecs import DEPTH_CODEC, RGB_CODECS, VideoCodec, check_rgb_codec
 from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
 from .scheduling import ordinary_threads
-from .stream import VideoFacts, decode_frames, probe_video
-
-__all__ = [
-    "CLIP_CODEC",
-    "DEPTH_CODEC",
-    "GROUP_OF_PICTURES",
-    "RGB_CODECS",
-    "WATCH_CODEC",
-    "VideoCodec",
-    "VideoFacts",
-    "check_rgb_codec",
-    "iterate_depth_codes",
-    "iterate_depth_video",
-    "iterate_rgb_video",
-    "probe_video",
-    "read_depth_video",
-    "read_rgb_video",
-    "write_depth_video",
-    "write_rgb_video",
-]
+from .stream import decode_frames
 
 
 def write_rgb_video(
@@ -79,13 +52,11 @@ def write_rgb_video(
 
     def convert(frame: U8) -> av.VideoFrame:
         if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
-            raise ValueError(
-                f"RGB frame of shape {frame.shape} {frame.dtype}; valid: (H, W, 3) uint8"
-            )
+            given = f"RGB frame of shape {frame.shape} {frame.dtype}"
+            raise ValueError(f"{given}; valid: (H, W, 3) uint8")
         if frame.shape[0] % 2 or frame.shape[1] % 2:
-            raise ValueError(
-                f"frame size {frame.shape[1]} x {frame.shape[0]}; both must be even for yuv420p"
-            )
+            size = f"{frame.shape[1]} x {frame.shape[0]}"
+            raise ValueError(f"frame size {size}; both must be even for yuv420p")
         if counts is not None:
             add_rgb(counts, frame)
         return av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
@@ -198,10 +169,9 @@ def _encode(
         atomic_file(path) as temporary,
         av.open(str(temporary), "w", format="mp4") as container,
     ):
-        stream = cast(
-            VideoStream,
-            container.add_stream(codec.encoder, rate=frames_per_second, options=codec.options()),
-        )
+        options = codec.options()
+        added = container.add_stream(codec.encoder, rate=frames_per_second, options=options)
+        stream = cast(VideoStream, added)
         stream.height, stream.width = shape[:2]
         stream.pix_fmt = codec.pixel_format
         stream.time_base = tick

@@ -1,5 +1,6 @@
 """Copy encoded packets: join videos, and convert between videos and bare streams."""
 
+import contextlib
 import io
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
@@ -8,8 +9,9 @@ from typing import cast
 
 import av
 from av.bitstream import BitStreamFilterContext
-from av.container import InputContainer
+from av.container import InputContainer, OutputContainer
 from av.error import FFmpegError
+from av.video.stream import VideoStream
 
 from ..core.atomic import atomic_file
 from ..core.errors import FileFormatError, check_name
@@ -53,10 +55,9 @@ def write_bitstream(
             for packet in cast(InputContainer, raw).demux(stream):
                 if not packet.size:  # the demuxer's flush
                     continue
-                for kept in strip.filter(packet) if strip else [packet]:
-                    kept.pts = kept.dts = count
-                    kept.duration, kept.time_base, kept.stream = 1, tick, output
-                    container.mux(kept)
+                for part in strip.filter(packet) if strip else [packet]:
+                    part.time_base = tick
+                    _append(container, output, part, count, 1)
                     count += 1
             if count != len(packets):
                 raise ValueError(f"{len(packets)} packets hold {count} frames")
@@ -70,14 +71,8 @@ def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     Raises:
         FileFormatError: there are not so many frames, or the first is not a key frame.
     """
-    try:
-        _copy_frames(path, out, first, count)
-    except FFmpegError as error:
-        raise FileFormatError(path, f"corrupt from frame {first} on ({error.strerror})") from error
-
-
-def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
     with (
+        _corrupt_from(path, first),
         open_video(path) as source,
         atomic_file(out) as temporary,
         av.open(str(temporary), "w", format="mp4") as container,
@@ -94,17 +89,31 @@ def _copy_frames(path: Path, out: Path, first: int, count: int) -> None:
             if packet.pts != (first + done) * ticks or packet.dts != packet.pts:
                 raise FileFormatError(path, f"frame {first + done} is not at its regular time")
             if done == 0 and not packet.is_keyframe:
-                raise FileFormatError(
-                    path, f"frame {first}, the first of an episode, is not a key frame"
-                )
-            packet.pts = packet.dts = done * ticks
-            packet.duration, packet.stream = ticks, output
-            container.mux(packet)
+                reason = f"frame {first}, the first of an episode, is not a key frame"
+                raise FileFormatError(path, reason)
+            _append(container, output, packet, done, ticks)
             done += 1
             if done == count:
                 break
         if done != count:
             raise FileFormatError(path, f"frames end at {first + done}; {first + count} needed")
+
+
+@contextlib.contextmanager
+def _corrupt_from(path: Path, first: int) -> Iterator[None]:
+    try:
+        yield
+    except FFmpegError as error:
+        raise FileFormatError(path, f"corrupt from frame {first} on ({error.strerror})") from error
+
+
+def _append(
+    container: OutputContainer, output: VideoStream, packet: av.Packet, frame: int, ticks: int
+) -> None:
+    """Write a packet as the frame of a number; each takes `ticks` of the stream's time base."""
+    packet.pts = packet.dts = frame * ticks
+    packet.duration, packet.stream = ticks, output
+    container.mux(packet)
 
 
 def iterate_bitstream(path: Path) -> Iterator[bytes]:
@@ -153,25 +162,18 @@ def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
         settings = stream_settings(template)
         extradata = template.codec_context.extradata
         ticks = ticks_per_frame(paths[0], template)
-        total = 0
         for path in paths:
             with open_video(path) as part:
                 stream = part.streams.video[0]
-                if stream_settings(stream) != settings:
-                    raise FileFormatError(
-                        path, f"settings {stream_settings(stream)} differ from {settings}"
-                    )
+                if (own := stream_settings(stream)) != settings:
+                    raise FileFormatError(path, f"settings {own} differ from {settings}")
                 if stream.codec_context.extradata != extradata:
                     raise FileFormatError(path, "encoder parameter sets differ from the first part")
-                count = 0
+                total, count = sum(counts), 0
                 for packet in demux_packets(path, part, stream):
                     if packet.pts != count * ticks or packet.dts != packet.pts:
                         raise FileFormatError(path, f"frame {count} is not at its regular time")
-                    packet.pts = packet.dts = (total + count) * ticks
-                    packet.duration = ticks
-                    packet.stream = output
-                    container.mux(packet)
+                    _append(container, output, packet, total + count, ticks)
                     count += 1
                 counts.append(count)
-                total += count
     return counts

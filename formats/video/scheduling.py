@@ -21,8 +21,8 @@ def ordinary_threads() -> Iterator[Callable[[], None]]:
         A function that does the same at once, for blocks that go on after the encoder has started.
         Where the process was real-time before, or threads cannot be listed, nothing is changed.
     """
-    wanted = not _TASKS.is_dir() or _is_real_time(0)
-    restore = _nothing if wanted else _make_ordinary
+    as_it_was = not _TASKS.is_dir() or _is_real_time(0)
+    restore = (lambda: None) if as_it_was else _make_ordinary
     try:
         yield restore
     finally:
@@ -38,7 +38,3 @@ def _make_ordinary() -> None:
         with contextlib.suppress(ProcessLookupError):  # it has ended meanwhile
             if _is_real_time(int(task.name)):
                 os.sched_setscheduler(int(task.name), os.SCHED_OTHER, os.sched_param(0))
-
-
-def _nothing() -> None:
-    """Leave everything as it is."""

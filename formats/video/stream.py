@@ -108,8 +108,8 @@ def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
         for number in numbers:
             try:
                 container.seek(number * ticks, stream=stream, backward=True)
-                found = (f for f in container.decode(stream) if f.pts == number * ticks)
-                frame = next(found, None)
+                frames = container.decode(stream)
+                frame = next((f for f in frames if f.pts == number * ticks), None)
             except FFmpegError as error:
                 raise FileFormatError(path, f"frame {number} is corrupt ({error})") from error
             if frame is None:
@@ -150,11 +150,6 @@ def ticks_per_frame(path: Path, stream: VideoStream) -> int:
 
 def stream_settings(stream: VideoStream) -> tuple[str, int, int, str, str, str]:
     """Return the settings that must agree between videos joined by copying packets."""
-    return (
-        stream.codec.canonical_name,
-        stream.width,
-        stream.height,
-        str(stream.pix_fmt),
-        str(stream.average_rate),
-        str(stream.time_base),
-    )
+    times = str(stream.average_rate), str(stream.time_base)
+    size = stream.width, stream.height
+    return stream.codec.canonical_name, *size, str(stream.pix_fmt), *times

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError, check_name, did_you_mean
 from ...formats.trainers.registry import LAYOUTS
-from ...formats.video.mp4 import check_rgb_codec
+from ...formats.video.codecs import check_rgb_codec
 from ...formats.vlnce.files import read_vlnce
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides

@@ -5,7 +5,7 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.trainers.registry import LAYOUTS
-from ...formats.video.mp4 import check_rgb_codec
+from ...formats.video.codecs import check_rgb_codec
 from ..context import open_context
 from ..options.convert import Convert, Restore
 from ..stages.convert import items as convert

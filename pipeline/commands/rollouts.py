@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ...formats.core.errors import FileFormatError, check_name
-from ...formats.video.mp4 import check_rgb_codec
+from ...formats.video.codecs import check_rgb_codec
 from ...formats.vlnce.groups import group_by_path
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides

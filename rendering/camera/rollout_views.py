@@ -15,7 +15,8 @@ from ...formats.core.errors import check_name
 from ...formats.core.rollout import Rollout
 from ...formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from ...formats.scene.bundle import SceneBundle
-from ...formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
+from ...formats.video.codecs import DEPTH_CODEC, RGB_CODECS
+from ...formats.video.mp4 import write_depth_video, write_rgb_video
 from ..frame import Frame
 from ..interface import Renderer
 from .extras import Extras, write_extras

@@ -11,7 +11,8 @@ from ...collectors.robots import RobotSpec, get_robot
 from ...formats.core.arrays import U8
 from ...formats.core.atomic import atomic_file
 from ...formats.core.rollout import Rollout
-from ...formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_rgb_video
+from ...formats.video.codecs import CLIP_CODEC, WATCH_CODEC
+from ...formats.video.mp4 import write_rgb_video
 from ..camera.rollout_frames import RolloutFrames
 from ..camera.views import View, chase_view
 from ..interface import Renderer

@@ -20,7 +20,8 @@ from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.video.depth_picture import FAR_M, SCALE_PX, depth_picture, depth_scale
 from vlnpe.formats.video.id_video import read_id_video
-from vlnpe.formats.video.mp4 import probe_video, read_depth_video, read_rgb_video
+from vlnpe.formats.video.mp4 import read_depth_video, read_rgb_video
+from vlnpe.formats.video.stream import probe_video
 from vlnpe.rendering.camera import rollout_views
 from vlnpe.rendering.camera.extras import ROBOT_CODE, Extras
 from vlnpe.rendering.camera.rollout_frames import RolloutFrames

@@ -16,8 +16,9 @@ from vlnpe.formats.lerobot import write_episode_unit
 from vlnpe.formats.rendered.folder import FrameFolder
 from vlnpe.formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from vlnpe.formats.rendered.table import build_frame_table
+from vlnpe.formats.video.codecs import DEPTH_CODEC, RGB_CODECS
 from vlnpe.formats.video.depth_codes import codes_to_millimetres, depth_to_codes
-from vlnpe.formats.video.mp4 import DEPTH_CODEC, RGB_CODECS, write_depth_video, write_rgb_video
+from vlnpe.formats.video.mp4 import write_depth_video, write_rgb_video
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 RANGE = DepthRange(0.05, 20.0)

@@ -17,13 +17,13 @@ from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.video.depth_codes import codes_to_depth, depth_to_codes
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
 from vlnpe.formats.video.mp4 import (
-    probe_video,
     read_depth_video,
     read_rgb_video,
     write_depth_video,
     write_rgb_video,
 )
 from vlnpe.formats.video.mux import concatenate_videos
+from vlnpe.formats.video.stream import probe_video
 
 RANGE = DepthRange(0.05, 20.0)
 
@@ -144,7 +144,8 @@ ENCODE = """
 import sys
 from pathlib import Path
 from tests.formats.video.test_video import RANGE, depth_frames, rgb_frames
-from vlnpe.formats.video.mp4 import CLIP_CODEC, WATCH_CODEC, write_depth_video, write_rgb_video
+from vlnpe.formats.video.codecs import CLIP_CODEC, WATCH_CODEC
+from vlnpe.formats.video.mp4 import write_depth_video, write_rgb_video
 for codec in ("h264", CLIP_CODEC, WATCH_CODEC):
     write_rgb_video(Path("a.mp4"), rgb_frames(14, 150, 200), 4, codec)
     sys.stdout.buffer.write(Path("a.mp4").read_bytes())
