@@ -31,6 +31,16 @@ class VlnpeError(Exception):
 
     hints: tuple[str, ...] = ()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Support pickling whatever `__init__` takes, so that worker processes can raise it."""
+        return _restored, (type(self), str(self), vars(self))
+
+
+def _restored(kind: type[VlnpeError], message: str, state: dict[str, Any]) -> VlnpeError:
+    error = kind.__new__(kind, message)
+    vars(error).update(state)
+    return error
+
 
 class InputError(VlnpeError):
     """Invalid user input."""
@@ -53,10 +63,6 @@ class FileFormatError(InputError):
         name = str(self.path).encode(errors="backslashreplace").decode()
         super().__init__(f"{name}: {reason}")
 
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Support pickling, so that the error can be raised in a worker process."""
-        return type(self), (self.path, self.reason)
-
 
 class SceneError(InputError):
     """A scene was read but cannot be used for navigation (no floor, implausible scale, …)."""
@@ -75,16 +81,12 @@ class UnknownNameError(InputError):
         hint = did_you_mean(name, self.valid)
         super().__init__(f"unknown {kind} {brief(name)}{hint}; valid: {', '.join(shown)}")
 
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Support pickling, so that the error can be raised in a worker process."""
-        return type(self), (self.kind, self.name, self.valid)
-
 
 class MissingExtraError(InputError):
     """An optional dependency of vlnpe is not installed.
 
     Attributes:
-        user: What needs it, the start of a sentence.
+        user: The start of a sentence: what needs it.
         extra: Its name in pyproject.toml.
     """
 
@@ -92,10 +94,6 @@ class MissingExtraError(InputError):
         self.user, self.extra = user, extra
         command = setup_command([extra]) or f"{program()} doctor prints how to"
         super().__init__(f"{user} needs the extra `{extra}`; to install it: {command}")
-
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Support pickling, so that the error can be raised in a worker process."""
-        return type(self), (self.user, self.extra)
 
 
 class DivergedError(VlnpeError):

@@ -29,9 +29,6 @@ def film_strip(units: Sequence[EpisodeUnit]) -> bytes:
 
     Above them stand the episode's name, its text if that is in Latin letters, and when each image
     was taken.
-
-    Raises:
-        FileFormatError: a video is damaged.
     """
     pictures = [(unit, _colours(unit), _depths(unit)) for unit in units]
     width = max(depths.shape[1] for _, _, depths in pictures)

@@ -61,11 +61,7 @@ def read_info(root: Path) -> dict[str, Any]:
 
 
 def check_features(path: Path, features: Any) -> None:
-    """Check the features of a dataset or unit: names that are file names, types and shapes.
-
-    Raises:
-        FileFormatError: names the feature.
-    """
+    """Check the features of a dataset or unit: names that are file names, types and shapes."""
     if not isinstance(features, dict):
         raise FileFormatError(path, f"not a LeRobot dataset: features is {brief(features)}")
     for name, feature in features.items():
@@ -84,11 +80,7 @@ def check_features(path: Path, features: Any) -> None:
 
 
 def check_template(path: Path, key: str, template: Any, fields: tuple[str, ...]) -> None:
-    """Check that a path template is relative and takes whole numbers and names alone.
-
-    Raises:
-        FileFormatError: otherwise.
-    """
+    """Check that a path template is relative and takes whole numbers and names alone."""
     try:
         if not isinstance(template, str):
             raise ValueError("no text")
@@ -107,22 +99,14 @@ def check_template(path: Path, key: str, template: Any, fields: tuple[str, ...])
 
 
 def video_start_s(root: Path, value: Any) -> float:
-    """Return where an episode's frames begin in their video [s], as meta/episodes states it.
-
-    Raises:
-        FileFormatError: no time within a video.
-    """
+    """Return where an episode's frames begin in their video [s], as meta/episodes states it."""
     if not isinstance(value, int | float) or not 0 <= value <= MAX_VIDEO_S:
         raise FileFormatError(root, f"an episode's video starts at {brief(value)} s")
     return value
 
 
 def fill_template(root: Path, template: str, **fields: Any) -> Path:
-    """Return the file in `root` that a checked template names.
-
-    Raises:
-        FileFormatError: it leads out of `root`, also by a link, or a field is not a number.
-    """
+    """Return the file that a checked template names; links must not lead it out of `root`."""
     try:
         relative = template.format(**fields)
     except (ValueError, TypeError, KeyError, IndexError, AttributeError) as error:

@@ -49,11 +49,7 @@ class EpisodeUnit(UnitParts):
         return self.folder / f"{key}.mp4"
 
     def depth_m(self, numbers: Sequence[int]) -> Iterator[F32]:
-        """Yield the depth (H, W) [m] of the frames of the given ascending numbers, 0 = invalid.
-
-        Raises:
-            FileFormatError: the video or the rows are damaged.
-        """
+        """Yield the depth (H, W) [m] of the frames of the given ascending numbers, 0 = invalid."""
         if self.features[DEPTH_KEY]["dtype"] == "video":
             limits = DepthRange(self.columns["depth_near_m"], self.columns["depth_far_m"])
             for frame in pick_frames(self.video(DEPTH_KEY), numbers):
@@ -70,11 +66,7 @@ class EpisodeUnit(UnitParts):
             yield (millimetres / np.float32(1000)).astype(np.float32)
 
     def rows(self) -> pa.Table:
-        """Load the frame rows.
-
-        Raises:
-            FileFormatError: missing, corrupt, or of another length than the index says.
-        """
+        """Load the frame rows, as many as the index says."""
         path = self.folder / ROWS
         table = read_table(path)
         if table.num_rows != self.length:
@@ -134,11 +126,7 @@ def write_episode_unit(
 
 
 def read_episode_unit(folder: Path) -> EpisodeUnit:
-    """Open a unit.
-
-    Raises:
-        FileFormatError: it is missing, incomplete, corrupt or of another version.
-    """
+    """Open a unit."""
     path = folder / UNIT_INDEX
     if not path.is_file():
         raise FileFormatError(path, "missing; not an episode unit")

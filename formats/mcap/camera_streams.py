@@ -22,16 +22,7 @@ from .recording import Contents
 def extract_videos(
     contents: Contents, path: Path, folder: Path, facts: Mapping[str, Any], count: int
 ) -> None:
-    """Write the colour and the depth video that `facts` (meta.json) names into `folder`.
-
-    Args:
-        path: of the file, for errors.
-        folder: where the videos go.
-        facts: of the view.
-
-    Raises:
-        FileFormatError: topics or frames are missing, or a picture is damaged.
-    """
+    """Write the colour and the depth video that `facts` (meta.json) names into `folder`."""
     colours = topic_messages(contents, path, RGB_TOPIC, count)
     depths = topic_messages(contents, path, DEPTH_TOPIC, count)
     try:
@@ -56,11 +47,7 @@ def extract_videos(
 
 
 def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> list[Any]:
-    """Return a topic's messages, decoded by the schema in the file.
-
-    Raises:
-        FileFormatError: the topic is missing, has another number of messages, or is damaged.
-    """
+    """Return a topic's `count` messages, decoded by the schema in the file."""
     found = contents.messages.get(topic, [])
     if len(found) != count:
         what = f"{len(found)} of {count} messages" if found else "missing"

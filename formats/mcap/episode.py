@@ -144,11 +144,7 @@ def write_json_metadata(recording: Recording, name: str, value: Mapping[str, Any
 
 
 def read_json_metadata(contents: Contents, name: str, path: Path) -> Any:
-    """Return the inverse of `write_json_metadata`; None when there is no such record.
-
-    Raises:
-        FileFormatError: the record is no JSON.
-    """
+    """Return the inverse of `write_json_metadata`; None when there is no such record."""
     record = contents.metadata.get(name)
     if record is None:
         return None
@@ -171,14 +167,8 @@ def attach(recording: Recording, name: str, media_type: str, data: bytes) -> Non
 def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedEpisode:
     """Return what `write_episode_mcap` wrote, and write its frames as the render stage does.
 
-    The colour video gets the very packets it had; depth is encoded again, without loss.
-
-    Args:
-        path: the file, for errors.
-        folder: for the frames; replaced as a whole.
-
-    Raises:
-        FileFormatError: truncated, corrupt, or not an episode with pictures.
+    The colour video gets the very packets it had; depth is encoded again, without loss. `folder`,
+    which the frames go to, is replaced as a whole.
     """
     rollout, facts, arrays = extract_records(contents, path)
     with atomic_folder(folder) as temporary:
@@ -199,11 +189,7 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
 def extract_records(
     contents: Contents, path: Path
 ) -> tuple[Rollout, dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return the rollout, facts of the view (meta.json) and arrays of its frames (frames.npz).
-
-    Raises:
-        FileFormatError: one of them is missing or damaged.
-    """
+    """Return the rollout, facts of the view (meta.json) and arrays of its frames (frames.npz)."""
     rollout = rollout_of(contents, path)
     facts = read_json_metadata(contents, VIEW_METADATA, path)
     attached = contents.attachments.get(FRAMES_ATTACHMENT)

@@ -55,11 +55,7 @@ def rollout_facts(rollout: Rollout) -> dict[str, str]:
 
 
 def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
-    """Return the inverse of `rollout_facts`: arguments of `Rollout` but the arrays, and `samples`.
-
-    Raises:
-        FileFormatError: not the facts of a rollout, or of another version.
-    """
+    """Return arguments of `Rollout` but the arrays, and `samples`: inverse of `rollout_facts`."""
     try:
         facts = parse_json(path, metadata[JSON_KEY].encode())
         if facts["format_version"] != FORMAT_VERSION:

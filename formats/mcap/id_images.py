@@ -44,11 +44,7 @@ def id_messages(recording: Recording, rollout: Rollout, view: FrameFolder) -> li
 def extract_id_videos(
     contents: Contents, path: Path, folder: Path, facts: Mapping[str, Any], count: int
 ) -> None:
-    """Write the videos that `facts` lists into `folder`, exactly.
-
-    Raises:
-        FileFormatError: messages are missing, or an image is damaged.
-    """
+    """Write the videos that `facts` lists into `folder`, exactly."""
     for name in id_videos(facts):
         messages = topic_messages(contents, path, ID_TOPIC.format(name=name), count)
         with IdVideoWriter(

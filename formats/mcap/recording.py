@@ -97,11 +97,7 @@ class Contents:
     attachments: dict[str, Attachment] = field(default_factory=dict)
 
     def add(self, record: McapRecord) -> None:
-        """Add a record; those of other kinds (indexes, headers) are left out.
-
-        Raises:
-            KeyError: a message of an unknown channel.
-        """
+        """Add a record; those of other kinds (indexes, headers) are left out."""
         match record:
             case Message():
                 topic = self.channels[record.channel_id].topic
@@ -137,11 +133,7 @@ def _check_chunk(path: Path, chunk: Chunk, unpacked: int, cap: int) -> None:
 
 
 def read_recording(path: Path) -> Contents:
-    """Read a whole file, checking chunk, data and attachment checksums and the message count.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
+    """Read a whole file, checking chunk, data and attachment checksums and the message count."""
     contents, counted, ended = Contents(), None, False
     cap = limits().mcap_bytes
     unpacked = 0

@@ -28,20 +28,12 @@ def write_rollout(path: Path, rollout: Rollout) -> None:
 
 
 def read_rollout(path: Path) -> Rollout:
-    """Read what `write_rollout` wrote, exactly.
-
-    Raises:
-        FileFormatError: missing, truncated, corrupt, or no rollout.
-    """
+    """Read what `write_rollout` wrote, exactly."""
     return rollout_of(read_recording(path), path)
 
 
 def rollout_of(contents: Contents, path: Path) -> Rollout:
-    """Return the rollout in a file that was read; `path` is for errors.
-
-    Raises:
-        FileFormatError: no rollout in it, or a damaged one.
-    """
+    """Return the rollout in the contents of a file."""
     if METADATA_NAME not in contents.metadata:
         raise FileFormatError(path, f"no rollout: metadata {METADATA_NAME} is missing")
     fields = rollout_fields(contents.metadata[METADATA_NAME], path)

@@ -82,11 +82,7 @@ def encode_states(rollout: Rollout) -> list[bytes]:
 
 
 def decode_states(messages: list[bytes], path: Path) -> dict[str, NDArray[Any]]:
-    """Return rollout arrays by name from the messages of one rollout; `path` is for errors.
-
-    Raises:
-        FileFormatError: the messages do not have the layout that `encode_states` gives.
-    """
+    """Return rollout arrays by name from the messages of one rollout."""
     if not messages or len({len(message) for message in messages}) != 1:
         raise FileFormatError(path, "state messages are missing or of different lengths")
     rows = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), -1)

@@ -1,4 +1,7 @@
-"""The repaired scene on disk: bundle, grids and planning maps."""
+"""The repaired scene on disk: bundle, grids and planning maps.
+
+All readers raise `FileFormatError` for a file that is missing, damaged or of another version.
+"""
 
 # Free height [m] above every traversable cell: no robot is taller. Here, because settings and
 # options need it without the numerical libraries that the modules below load.

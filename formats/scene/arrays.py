@@ -16,11 +16,7 @@ from .grid import GridSpec
 
 
 def record_of[T](path: Path, make: Callable[[dict[str, NDArray[Any]]], T]) -> T:
-    """Return what `make` makes of a file's arrays.
-
-    Raises:
-        FileFormatError: the file is missing or damaged, or lacks an array.
-    """
+    """Return what `make` makes of a file's arrays."""
     if not path.is_file():
         raise FileFormatError(path, "missing; the scene's repair is incomplete")
     data = read_arrays(path)

@@ -148,11 +148,7 @@ class SceneBundle:
     generator: dict[str, Any] = field(default_factory=dict)
 
     def visual(self) -> VisualMesh:
-        """Load the visual mesh; bundles without `face_object` give −1 for every face.
-
-        Raises:
-            FileFormatError: the file is missing, or lacks another array.
-        """
+        """Load the visual mesh; bundles without `face_object` give −1 for every face."""
         path = self.root / "visual.npz"
         return record_of(path, lambda data: VisualMesh(**known_fields(VisualMesh, data)))
 
@@ -227,11 +223,7 @@ def save_index(bundle: SceneBundle) -> None:
 
 
 def load_bundle(root: Path) -> SceneBundle:
-    """Open the bundle in folder `root`.
-
-    Raises:
-        FileFormatError: no index there, or one of another version.
-    """
+    """Open the bundle in folder `root`."""
     path = root / INDEX_NAME
     if not path.is_file():
         raise FileFormatError(root, f"contains no repaired scene ({INDEX_NAME} is missing)")

@@ -112,9 +112,6 @@ def read_visibility(path: Path, *more: Path) -> Visibility:
     """Read what `visibility_writer` wrote to one file or more, with the camera of the first.
 
     A path's sight is decoded when it is asked for.
-
-    Raises:
-        FileFormatError: missing, of another version, or damaged.
     """
     parts = [_read(one) for one in (path, *more)]
     lines = {name: line for _, found in parts for name, line in found.items()}

@@ -34,11 +34,7 @@ MAX_NODES, MAX_DEPTH = 10_000, 64
 
 
 def read_gltf_splats(path: Path) -> GaussianCloud:
-    """Read all splats of a GLB or glTF file, each moved as its node says.
-
-    Raises:
-        FileFormatError: no splats, splats beside meshes, or damaged.
-    """
+    """Read all splats of a GLB or glTF file, each moved as its node says."""
     try:
         tree, body = gltf_tree(path)
         reader = _Reader(path, tree, body)

@@ -32,9 +32,6 @@ def splat_kind(path: Path) -> str:
 
     A mesh with vertex colours or a point cloud is not one, whatever its attributes are called:
     splats need the extension in glTF, and in PLY their own properties and no faces.
-
-    Raises:
-        FileFormatError: a `.ply` without a header.
     """
     suffix = path.suffix.lower()
     if suffix in OWN_SUFFIXES:

@@ -34,11 +34,7 @@ UP = ("y", "SPZ is y up by its documentation")
 
 
 def read_dot_splat(path: Path) -> GaussianCloud:
-    """Read a `.splat` file.
-
-    Raises:
-        FileFormatError: its size fits no whole number of Gaussians, or none is usable.
-    """
+    """Read a `.splat` file."""
     size = check_input(path)
     count, left = divmod(size, SPLAT_ROW.itemsize)
     if left:
@@ -65,20 +61,12 @@ def read_dot_splat(path: Path) -> GaussianCloud:
 
 
 def read_spz(path: Path) -> GaussianCloud:
-    """Read an SPZ file.
-
-    Raises:
-        FileFormatError: not SPZ, of another version, or damaged.
-    """
+    """Read an SPZ file."""
     return spz_cloud(path, read_input(path, max_bytes=limits().scan_bytes))
 
 
 def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
-    """Read the bytes of an SPZ file; `path` is for messages.
-
-    Raises:
-        FileFormatError: not SPZ, of another version, or damaged.
-    """
+    """Read the bytes of an SPZ file; `path` is for messages."""
     head = spz_header(path, data)
     version, count = struct.unpack_from("<II", head, 4)
     degree, fraction_bits, flags, streams = head[12:16]
@@ -116,11 +104,7 @@ def spz_cloud(path: Path, data: bytes) -> GaussianCloud:
 
 
 def spz_header(path: Path, data: bytes | memoryview) -> bytes:
-    """Return the first bytes of an SPZ file, with its number of Gaussians, degree and flags.
-
-    Raises:
-        FileFormatError: not SPZ, or of another version.
-    """
+    """Return the first bytes of an SPZ file, with its number of Gaussians, degree and flags."""
     plain = data[:4] == struct.pack("<I", SPZ_MAGIC)
     head = bytes(data[:HEADER_4]) if plain else _gunzipped(path, data, HEADER)
     if len(head) < HEADER or struct.unpack_from("<I", head)[0] != SPZ_MAGIC:

@@ -31,11 +31,7 @@ HARMONICS_SPAN = 8.0
 
 
 def read_ply_splats(path: Path) -> GaussianCloud:
-    """Read either kind of PLY.
-
-    Raises:
-        FileFormatError: no splats, or damaged ones.
-    """
+    """Read either kind of PLY."""
     header = read_ply_header(path)
     kind = ply_splat_kind(header)
     if not kind:

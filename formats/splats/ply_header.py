@@ -51,12 +51,7 @@ class PlyHeader:
 
 
 def read_ply_header(path: Path) -> PlyHeader:
-    """Parse the header of a PLY file.
-
-    Raises:
-        FileFormatError: no PLY header, a damaged one, or one that declares more than the file can
-            hold.
-    """
+    """Parse the header of a PLY file."""
     start = read_start(path, MAX_HEADER_BYTES)
     end = start.find(b"end_header")
     line_end = start.find(b"\n", end)
@@ -99,11 +94,7 @@ def read_ply_header(path: Path) -> PlyHeader:
 
 
 def ply_rows(path: Path, header: PlyHeader, name: str) -> np.ndarray:
-    """Return the rows of an element, mapped from the file.
-
-    Raises:
-        FileFormatError: text instead of binary, lists, or more rows than the file holds.
-    """
+    """Return the rows of an element, mapped from the file."""
     element = header.elements[name]
     if header.format not in BINARY:
         raise FileFormatError(

@@ -13,11 +13,7 @@ from .record import GaussianCloud
 
 
 def read_splats(path: Path) -> GaussianCloud:
-    """Read Gaussian splats: PLY, compressed PLY, `.splat`, SPZ or glTF.
-
-    Raises:
-        FileFormatError: missing, of another kind, or damaged.
-    """
+    """Read Gaussian splats: PLY, compressed PLY, `.splat`, SPZ or glTF."""
     check_input(path, max_bytes=limits().scan_bytes)
     suffix = path.suffix.lower()
     if suffix == ".ply":

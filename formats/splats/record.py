@@ -104,11 +104,7 @@ def _at_origin(position: Array, offset: Array | None = None) -> dict[str, Any]:
 
 
 def cleaned(path: Path, cloud: GaussianCloud) -> GaussianCloud:
-    """Drop unusable Gaussians with a warning; normalise quaternions; clip opacities.
-
-    Raises:
-        FileFormatError: none is usable.
-    """
+    """Drop unusable Gaussians with a warning; normalise quaternions; clip opacities."""
     if not np.any(cloud.offset):
         cloud = replace(cloud, **near_origin(cloud.position.astype(np.float64)))
     offset = np.array(cloud.offset)
@@ -159,9 +155,6 @@ def check_count(path: Path, count: int, degree: int) -> None:
     """Refuse counts and degrees that no reader should allocate memory for.
 
     Readers call it before they decompress or copy anything.
-
-    Raises:
-        FileFormatError: too many; names the number and the valid ones.
     """
     if not 1 <= count <= MAX_SPLATS:
         raise FileFormatError(path, f"declares {count:,} Gaussians; valid: 1 to {MAX_SPLATS:,}")

@@ -39,11 +39,7 @@ def save_splats(folder: Path, cloud: GaussianCloud) -> None:
 
 
 def load_splats(folder: Path) -> GaussianCloud:
-    """Read the splats of the scene in `folder`.
-
-    Raises:
-        FileFormatError: missing or damaged.
-    """
+    """Read the splats of the scene in `folder`."""
     path = folder / SPLATS_NAME
     if not path.is_file():
         raise FileFormatError(path, "missing: this scene has no Gaussian splats")

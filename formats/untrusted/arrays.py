@@ -14,15 +14,7 @@ from .limits import limits
 
 
 def read_arrays(path: Path, data: bytes | None = None) -> dict[str, NDArray[Any]]:
-    """Return the arrays of an .npz file by name.
-
-    Args:
-        path: the file; for errors alone if `data` is given.
-
-    Raises:
-        FileFormatError: missing, not a regular file, damaged, with objects that would need
-            pickle, or larger than the limit `array_bytes` when decompressed.
-    """
+    """Return the arrays of an .npz file, or of its content `data`, by name."""
     if data is not None:
         return _read(path, io.BytesIO(data))
     with open_input(path, max_bytes=limits().array_bytes) as stream:
@@ -30,15 +22,7 @@ def read_arrays(path: Path, data: bytes | None = None) -> dict[str, NDArray[Any]
 
 
 def map_array(path: Path, *, root: Path | None = None) -> NDArray[Any]:
-    """Return the array of an .npy file, which stays on disk until it is looked at.
-
-    Args:
-        root: the folder that it must lie in after links are followed; None: anywhere.
-
-    Raises:
-        FileFormatError: missing, not a regular file, a link out of `root`, truncated, damaged, or
-            with objects that would need pickle.
-    """
+    """Return the array of an .npy file, which stays on disk until it is looked at."""
     check_input(path, root=root)
     try:
         return np.load(path, mmap_mode="r", allow_pickle=False)

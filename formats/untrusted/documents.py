@@ -33,11 +33,7 @@ class DocumentScanner:
         self._open = 0
 
     def feed(self, block: bytes | bytearray | memoryview) -> None:
-        """Look at the next block.
-
-        Raises:
-            FileFormatError: too many values so far.
-        """
+        """Count the next block, and raise FileFormatError if that makes too many values."""
         block = bytes(block)
         self.values += sum(block.count(sign) for sign in (b",", b"[", b"{"))
         if self.values > self.max_values:
@@ -67,9 +63,6 @@ def parse_json(
         max_values: instead of `json_values` of the limits.
         max_depth: instead of `depth` of the limits.
         scanner: one that has seen all of `data`; by default it is scanned here.
-
-    Raises:
-        FileFormatError: not JSON, or beyond a limit.
     """
     max_depth = max_depth or limits().depth
     if scanner is None:
@@ -91,20 +84,12 @@ def parse_json(
 
 
 def read_json(path: Path, *, root: Path | None = None) -> Any:
-    """Return the value of a JSON file.
-
-    Args:
-        root: the folder that it must lie in after links are followed; None: anywhere.
-
-    Raises:
-        FileFormatError: missing, not a regular file, a link out of `root`, not JSON, or beyond a
-            limit.
-    """
+    """Return the value of a JSON file."""
     return parse_json(path, read_input(path, root=root, max_bytes=limits().json_bytes))
 
 
 def read_json_object(path: Path, *, root: Path | None = None) -> dict[str, Any]:
-    """Return the object of a JSON file; see `read_json`."""
+    """Return the object of a JSON file."""
     value = read_json(path, root=root)
     if not isinstance(value, dict):
         raise FileFormatError(path, f"not a JSON object, but {type(value).__name__}")
@@ -112,11 +97,7 @@ def read_json_object(path: Path, *, root: Path | None = None) -> dict[str, Any]:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the tables of a TOML file.
-
-    Raises:
-        FileFormatError: missing, not a regular file, not TOML, or beyond a limit.
-    """
+    """Return the tables of a TOML file."""
     caps = limits()
     data = read_input(path, max_bytes=caps.text_bytes)
     too_deep = FileFormatError(path, f"nested too deeply; valid: up to {caps.depth} levels")

@@ -35,15 +35,7 @@ _KINDS = (
 
 
 def check_input(path: Path, *, root: Path | None = None, max_bytes: int | None = None) -> int:
-    """Return the size in bytes of a regular file.
-
-    Args:
-        root: the folder that it must lie in after links are followed; None: anywhere.
-
-    Raises:
-        FileFormatError: missing, not a regular file, a Git LFS pointer, a link out of `root`, or
-            too large.
-    """
+    """Return the size in bytes of a regular file."""
     try:
         size = _check(path, path.stat(), root, max_bytes)
         # All readers come by here, also those whose library opens the file.
@@ -57,10 +49,7 @@ def check_input(path: Path, *, root: Path | None = None, max_bytes: int | None =
 
 
 def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = None) -> BinaryIO:
-    """Open a regular file for reading, without blocking (a FIFO would wait for a writer).
-
-    Args and raises as `check_input`.
-    """
+    """Open a regular file for reading, without blocking (a FIFO would wait for a writer)."""
     check_input(path, root=root, max_bytes=max_bytes)
     try:
         descriptor = _open(path)
@@ -75,16 +64,13 @@ def open_input(path: Path, *, root: Path | None = None, max_bytes: int | None = 
 
 
 def read_start(path: Path, count: int) -> bytes:
-    """Return up to the first `count` bytes of a regular file; raises as `check_input`."""
+    """Return up to the first `count` bytes of a regular file."""
     with open_input(path) as stream:
         return stream.read(count)
 
 
 def read_input(path: Path, *, root: Path | None = None, max_bytes: int) -> bytes:
-    """Return the content of a regular file.
-
-    Args and raises as `check_input`; also if the file grows beyond `max_bytes` while it is read.
-    """
+    """Return the content of a regular file, which may not grow beyond `max_bytes` meanwhile."""
     with open_input(path, root=root, max_bytes=max_bytes) as stream:
         try:
             # At once where the size is known; a buffer of `max_bytes` would take that much memory.
@@ -101,11 +87,7 @@ def read_input(path: Path, *, root: Path | None = None, max_bytes: int) -> bytes
 
 
 def check_links(root: Path) -> None:
-    """Check that a folder contains only files and folders that lie in it.
-
-    Raises:
-        FileFormatError: names a link out of it, a FIFO, a device or a socket.
-    """
+    """Check that a folder contains only files and folders that lie in it: no link out, no FIFO."""
     for path in walk(root):
         try:
             mode = path.lstat().st_mode
@@ -130,9 +112,6 @@ def require_inside(path: Path, root: Path) -> None:
 
     A snapshot of the Hugging Face hub's cache consists of links to the `blobs` beside it, which
     are its own.
-
-    Raises:
-        FileFormatError: it leads out.
     """
     try:
         target, inside = path.resolve(), root.resolve()

@@ -15,14 +15,7 @@ _BYTES_PER_VALUE = 8
 
 
 def read_schema(path: Path, *, root: Path | None = None) -> pa.Schema:
-    """Return the schema of a Parquet file.
-
-    Args:
-        root: the folder that it must lie in after links are followed; None: anywhere.
-
-    Raises:
-        FileFormatError: missing, not a regular file, a link out of `root`, or damaged.
-    """
+    """Return the schema of a Parquet file."""
     check_input(path, root=root)
     try:
         return pq.read_schema(path)
@@ -45,11 +38,6 @@ def read_table(
     Args:
         columns: their names; None: all.
         filters: as of `pyarrow.parquet.read_table`.
-        root: the folder that it must lie in after links are followed; None: anywhere.
-
-    Raises:
-        FileFormatError: missing, not a regular file, a link out of `root`, damaged, beyond the
-            limit `table_bytes`, or without one of the columns.
     """
     check_input(path, root=root)
     try:
@@ -64,11 +52,7 @@ def read_table(
 
 
 def check_size(path: Path, file: pq.ParquetFile, columns: Sequence[str] | None = None) -> None:
-    """Estimate what the columns of an open Parquet file take in memory.
-
-    Raises:
-        FileFormatError: more than the limit `table_bytes`.
-    """
+    """Check that columns of an open Parquet file stay below the limit `table_bytes` in memory."""
     metadata, cap = file.metadata, limits().table_bytes
     names = None if columns is None else set(columns)
     total, texts = 0, dict[str, int]()

@@ -18,9 +18,6 @@ def read_yaml(path: Path) -> Any:
 
     Anchors and aliases may be used as long as the document stays small with all of them written
     out.
-
-    Raises:
-        FileFormatError: missing, not a regular file, not YAML, or beyond a limit.
     """
     try:
         text = read_input(path, max_bytes=limits().text_bytes).decode()

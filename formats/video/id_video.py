@@ -71,11 +71,7 @@ class IdVideoWriter:
 
 
 def iterate_id_video(path: Path) -> Iterator[U16]:
-    """Decode a video of integers frame by frame, each (H, W) uint16.
-
-    Raises:
-        FileFormatError: missing, truncated, corrupt, or another kind of video.
-    """
+    """Decode a video of integers frame by frame, each (H, W) uint16."""
     for frame in decode_frames(path):
         if frame.format.name != PIXEL_FORMAT:
             raise FileFormatError(
@@ -85,5 +81,5 @@ def iterate_id_video(path: Path) -> Iterator[U16]:
 
 
 def read_id_video(path: Path) -> U16:
-    """Decode a whole video of integers, (T, H, W) uint16; raises as `iterate_id_video`."""
+    """Decode a whole video of integers, (T, H, W) uint16."""
     return np.stack(list(iterate_id_video(path)))

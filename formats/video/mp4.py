@@ -37,7 +37,6 @@ def write_rgb_video(
     """Encode RGB `frames`, each (H, W, 3) uint8, H and W even; return their number.
 
     Args:
-        path: output, MP4.
         codec: key of `RGB_CODECS`, or an encoder's settings.
         counts: (3, 256); how often each value occurs in each channel is added to it, so that
             statistics need no decoding (see `image_counts`).
@@ -78,7 +77,6 @@ def write_depth_video(
     far_m` (see `depth_codes`). Readings outside `depth_range` or not finite become 0, invalid.
 
     Args:
-        path: output, MP4.
         frames_m: the images, each (H, W) float32 [m].
         counts: (4096,); how often each depth code occurs is added to it.
         on_codes: called with the codes (H, W) of each frame.
@@ -107,34 +105,19 @@ def write_depth_video(
 
 
 def iterate_rgb_video(path: Path) -> Iterator[U8]:
-    """Decode an RGB video frame by frame, each (H, W, 3) uint8.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
+    """Decode an RGB video frame by frame, each (H, W, 3) uint8."""
     for frame in decode_frames(path):
         yield cast(U8, frame.to_ndarray(format="rgb24"))
 
 
 def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[F32]:
-    """Decode a depth video frame by frame, each (H, W) float32 [m], 0 = invalid.
-
-    Args:
-        depth_range: the range it was written with.
-
-    Raises:
-        FileFormatError: missing, truncated, corrupt, or no depth video.
-    """
+    """Decode a depth video of a range to images, each (H, W) float32 [m], 0 = invalid."""
     for codes in iterate_depth_codes(path):
         yield codes_to_depth(codes, depth_range)
 
 
 def iterate_depth_codes(path: Path) -> Iterator[U16]:
-    """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`.
-
-    Raises:
-        FileFormatError: missing, truncated, corrupt, or no depth video.
-    """
+    """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`."""
     for frame in decode_frames(path):
         if frame.format.name != DEPTH_PIXEL_FORMAT:
             raise FileFormatError(
@@ -144,12 +127,12 @@ def iterate_depth_codes(path: Path) -> Iterator[U16]:
 
 
 def read_rgb_video(path: Path) -> U8:
-    """Decode a whole RGB video, (T, H, W, 3) uint8; raises as `iterate_rgb_video`."""
+    """Decode a whole RGB video, (T, H, W, 3) uint8."""
     return np.stack(list(iterate_rgb_video(path)))
 
 
 def read_depth_video(path: Path, depth_range: DepthRange) -> F32:
-    """Decode a whole depth video, (T, H, W) float32 [m]; raises as `iterate_depth_video`."""
+    """Decode a whole depth video, (T, H, W) float32 [m]; see `iterate_depth_video`."""
     return np.stack(list(iterate_depth_video(path, depth_range)))
 
 

@@ -66,11 +66,7 @@ def write_bitstream(
 
 
 def copy_frames(path: Path, out: Path, first: int, count: int) -> None:
-    """Write frames `first` … `first + count − 1` of a video as one of their own, unchanged.
-
-    Raises:
-        FileFormatError: there are not so many frames, or the first is not a key frame.
-    """
+    """Write frames `first` … `first + count − 1` of a video, from a key frame on, unchanged."""
     with (
         _corrupt_from(path, first),
         open_video(path) as source,
@@ -121,9 +117,6 @@ def iterate_bitstream(path: Path) -> Iterator[bytes]:
 
     H.264 comes in Annex B form with parameter sets before each key frame, AV1 as low-overhead
     units: what Foxglove's CompressedVideo wants.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
     """
     with open_video(path) as container:
         stream = container.streams.video[0]
@@ -139,14 +132,10 @@ def iterate_bitstream(path: Path) -> Iterator[bytes]:
 
 
 def concatenate_videos(paths: list[Path], out: Path) -> list[int]:
-    """Join videos by copying their packets; return each part's number of frames.
+    """Join one video or more by copying their packets; return each part's number of frames.
 
     Frame i of the result has the timestamp i / frames per second, exactly. All parts must come
     from the same encoder settings. Nothing is decoded, and memory stays flat.
-
-    Raises:
-        ValueError: no part.
-        FileFormatError: a part is corrupt or not compatible with the first.
     """
     if not paths:
         raise ValueError("no video to concatenate")

@@ -28,11 +28,7 @@ class VideoFacts:
 
 
 def probe_video(path: Path) -> VideoFacts:
-    """Read a video's header.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
+    """Read a video's header."""
     with open_video(path) as container:
         stream = container.streams.video[0]
         return VideoFacts(
@@ -47,21 +43,13 @@ def probe_video(path: Path) -> VideoFacts:
 
 @contextlib.contextmanager
 def open_video(path: Path) -> Iterator[InputContainer]:
-    """Open a file that has a video stream, and close it at the end.
-
-    Raises:
-        FileFormatError: missing, no video, or its header is lost.
-    """
+    """Open a file that has a video stream, and close it at the end."""
     with contextlib.closing(open_container(path)) as container:
         yield container
 
 
 def open_container(path: Path) -> InputContainer:
-    """Return an open file whose first video stream has a known codec; the caller closes it.
-
-    Raises:
-        FileFormatError: missing, no video, or its header is lost.
-    """
+    """Return an open file whose first video stream has a known codec; the caller closes it."""
     check_input(path)
     try:
         # As MP4 whatever it says: playlists would have the decoder open other files and hosts.
@@ -78,11 +66,7 @@ def open_container(path: Path) -> InputContainer:
 
 
 def decode_frames(path: Path) -> Iterator[av.VideoFrame]:
-    """Yield all frames; a video that lost some must not look like a short one.
-
-    Raises:
-        FileFormatError: missing, truncated or corrupt.
-    """
+    """Yield all frames; a video that lost some must not look like a short one."""
     count = 0
     with open_video(path) as container:
         stream = container.streams.video[0]
@@ -97,11 +81,7 @@ def decode_frames(path: Path) -> Iterator[av.VideoFrame]:
 
 
 def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
-    """Yield the frames of the given ascending numbers, decoding few others.
-
-    Raises:
-        FileFormatError: missing, corrupt, or shorter.
-    """
+    """Yield the frames of the given ascending numbers, decoding few others."""
     with open_video(path) as container:
         stream = container.streams.video[0]
         ticks = ticks_per_frame(path, stream)
@@ -118,11 +98,7 @@ def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
 
 
 def demux_packets(path: Path, part: InputContainer, stream: VideoStream) -> Iterator[av.Packet]:
-    """Yield all packets of an open video, one per frame.
-
-    Raises:
-        FileFormatError: a packet is corrupt, or some are missing.
-    """
+    """Yield all packets of an open video, one per frame."""
     count = 0
     for packet in part.demux(stream):
         if packet.dts is None:  # the demuxer's flush
@@ -136,11 +112,7 @@ def demux_packets(path: Path, part: InputContainer, stream: VideoStream) -> Iter
 
 
 def ticks_per_frame(path: Path, stream: VideoStream) -> int:
-    """Return the duration of a frame in the stream's time base.
-
-    Raises:
-        FileFormatError: it is not a whole number.
-    """
+    """Return the duration of a frame in the stream's time base, which must be a whole number."""
     rate, base = stream.average_rate, stream.time_base
     ticks = Fraction(0) if not rate or not base else 1 / (rate * base)
     if ticks < 1 or ticks.denominator != 1:

@@ -19,10 +19,6 @@ def load_document(path: Path, caps: Limits | None = None) -> dict[str, Any]:
     """Load an episode file, gzip or plain JSON (distinguished by content, not by name).
 
     Size, values and episodes are counted while it is decompressed, before anything is parsed.
-
-    Raises:
-        FileFormatError: the file is missing, unreadable, broken, beyond a limit, or has no list
-            of episodes.
     """
     caps = caps or limits()
     document = load_json(path, caps)
@@ -34,11 +30,7 @@ def load_document(path: Path, caps: Limits | None = None) -> dict[str, Any]:
 
 
 def load_json(path: Path, caps: Limits) -> Any:
-    """Load any JSON document of an episode file's size, gzip or plain.
-
-    Raises:
-        FileFormatError: the file is missing, unreadable, broken, or beyond a limit.
-    """
+    """Load any JSON document of an episode file's size, gzip or plain."""
     scanner = DocumentScanner(path, caps.vlnce_values)
     return parse_json(path, _read(path, caps, scanner), max_depth=caps.depth, scanner=scanner)
 

@@ -29,10 +29,6 @@ class BadEpisodeError(FileFormatError):
         where = f"episode {brief(name)}" if name is not None else "an episode without id"
         super().__init__(path, f"{where} (number {bad.index}): {bad.reason}")
 
-    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Support pickling, so that the error can be raised in a worker process."""
-        return type(self), (self.path, self.bad)
-
 
 class EpisodeReader:
     """Strict reading of one episode; every complaint names file, episode and key."""
