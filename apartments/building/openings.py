@@ -131,7 +131,7 @@ class Openings:
             return ranks[0] * 10 + ranks[1]
 
         group = list(range(len(rooms)))
-        chosen: list[tuple[int, int]] = []
+        pairs: list[tuple[int, int]] = []
         for i, j in sorted(usable, key=cost):
             kinds = {rooms[i].kind, rooms[j].kind}
             private = kinds <= _PRIVATE
@@ -144,10 +144,10 @@ class Openings:
                     continue
                 if "stairwell" in kinds and kinds != {"hallway", "stairwell"}:
                     continue
-                chosen.append((i, j))
+                pairs.append((i, j))
                 old = group[j]
                 group = [group[i] if g == old else g for g in group]
-        return chosen if len(set(group)) == 1 else None
+        return pairs if len(set(group)) == 1 else None
 
     def _free_spans(
         self, room: int, axis: int, sign: int, openings: Sequence[Opening]

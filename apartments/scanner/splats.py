@@ -90,18 +90,18 @@ def seen_from(tracer: Tracer, eyes_m: Array, points_m: Floats, normals: Floats) 
         nearest = np.asarray(tree.query(points_m[rest], k=ranks)[1])
         for column in range(nearest.shape[1]):
             open_ = side[rest] == 0
-            todo = rest[open_]
-            toward = eyes_m[nearest[open_, column]] - points_m[todo]
+            index = rest[open_]
+            toward = eyes_m[nearest[open_, column]] - points_m[index]
             distance = np.linalg.norm(toward, axis=1)
-            facing = np.einsum("ij,ij->i", toward, normals[todo]) / np.maximum(distance, 1e-9)
+            facing = np.einsum("ij,ij->i", toward, normals[index]) / np.maximum(distance, 1e-9)
             fit = (distance < SIGHT_M) & (np.abs(facing) > 0.05)
-            todo, toward, distance, facing = todo[fit], toward[fit], distance[fit], facing[fit]
+            index, toward, distance, facing = index[fit], toward[fit], distance[fit], facing[fit]
             which = np.where(facing > 0, 1, -1)
-            start = points_m[todo] + LIFT_M * which[:, None] * normals[todo]
+            start = points_m[index] + LIFT_M * which[:, None] * normals[index]
             toward = eyes_m[nearest[open_, column]][fit] - start
             distance = np.linalg.norm(toward, axis=1)
             hidden = tracer.blocked(start, toward / distance[:, None], distance)
-            side[todo[~hidden]] = which[~hidden]
+            side[index[~hidden]] = which[~hidden]
         done = count
     return side
 

@@ -78,17 +78,17 @@ def stations(rng: np.random.Generator, plan: FloorPlan, tracer: Tracer, spacing_
 
 def _spread(points: Array, spacing_m: float) -> list[Array]:
     """Sample points (N, 3) farthest-first until all lie within `spacing_m` of a sample."""
-    chosen: list[Array] = []
+    samples: list[Array] = []
     if not len(points):
-        return chosen
+        return samples
     # Starting in the corner makes the choice hug the walls, where furniture hides the floor.
     distance = np.full(len(points), np.inf)
     distance[0] = 1e9
     while distance.max() > spacing_m:
         k = int(np.argmax(distance))
-        chosen.append(points[k])
+        samples.append(points[k])
         distance = np.minimum(distance, np.linalg.norm(points[:, :2] - points[k, :2], axis=1))
-    return chosen
+    return samples
 
 
 def views(

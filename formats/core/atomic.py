@@ -21,12 +21,12 @@ def sweep(root: Path) -> None:
 
 def sweep_beside(outputs: Iterable[Path]) -> None:
     """Remove unfinished files and folders of dead processes that were writing `outputs`."""
-    known: dict[Path, set[tuple[str, str]]] = {}
+    names_in: dict[Path, set[tuple[str, str]]] = {}
     for path in outputs:
         # As `atomic_file` and `atomic_folder` name them, around a random part.
         names = {(path.stem, "".join(path.suffixes)), (path.name, ""), (f"{path.name}.old", "")}
-        known.setdefault(path.parent, set()).update(names)
-    for folder, names in known.items():
+        names_in.setdefault(path.parent, set()).update(names)
+    for folder, names in names_in.items():
         for path in [*folder.glob(f"{TEMPORARY_PREFIX}*")]:
             parts = path.name.removeprefix(TEMPORARY_PREFIX).split(".")
             for k in range(1, len(parts)):

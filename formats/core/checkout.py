@@ -14,8 +14,8 @@ def setup_command(extras: Sequence[str] = ()) -> str:
     if not (CHECKOUT / "uv.lock").is_file():
         return ""
     folder = [] if Path.cwd() == CHECKOUT else ["-C", str(CHECKOUT)]
-    wanted = [f"EXTRA={','.join(extras)}"] if extras else []
-    return shlex.join(["make", *folder, "setup", *wanted])
+    variables = [f"EXTRA={','.join(extras)}"] if extras else []
+    return shlex.join(["make", *folder, "setup", *variables])
 
 
 def install_command(requirements: Sequence[str]) -> str:

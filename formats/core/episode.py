@@ -3,10 +3,9 @@
 from dataclasses import dataclass, field
 from typing import Any
 
-import numpy as np
-
 from ..scene import FULL_HEIGHT_M
 from .arrays import Array
+from .geometry import path_length
 
 
 @dataclass(frozen=True)
@@ -53,5 +52,4 @@ class Episode:
     @property
     def reference_length_m(self) -> float:
         """Return the length of the reference path [m]."""
-        steps = np.diff(self.reference_path_world_m, axis=0)
-        return float(np.linalg.norm(steps, axis=1).sum())
+        return path_length(self.reference_path_world_m)

@@ -11,13 +11,10 @@ from .arrays import Array
 
 
 def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
-    """Return the cross product of two edges of each triangle: along its normal, twice its area.
+    """Return the cross products (F, 3) of two edges of triangles (F, 3, 3), in their dtype.
 
-    Args:
-        corners: (F, 3, 3) corners, counter-clockwise seen from the front.
-
-    Returns:
-        (F, 3), in the dtype of `corners`.
+    They point along the normals, towards where the corners are counter-clockwise, and are twice as
+    long as the areas.
     """
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return cast("NDArray[S]", cross)
@@ -26,10 +23,7 @@ def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
 def triangle_normals_and_areas[S: np.floating[Any]](
     corners: NDArray[S],
 ) -> tuple[NDArray[S], NDArray[S]]:
-    """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3).
-
-    The normal of a triangle without area is zero.
-    """
+    """Return unit normals (F, 3), zero without an area, and areas (F,) of triangles (F, 3, 3)."""
     cross = triangle_cross(corners)
     doubled = _doubled_areas(cross)
     length = doubled[:, None]
@@ -145,7 +139,5 @@ def coarse_warning(points: NDArray[Any], offset: Array) -> list[str]:
     step = float(np.spacing(np.float32(np.abs(offset).max())))
     if step <= COARSE_SHARE * extent or not np.array_equal(sample, sample.astype(np.float32)):
         return []
-    return [
-        f"its coordinates are 32-bit numbers, which lie {step:.3g} units apart so far from the "
-        "origin: shapes are as coarse; export it nearer to the origin or in 64 bits"
-    ]
+    gap = f"its coordinates are 32-bit numbers, which lie {step:.3g} units apart so far from the"
+    return [f"{gap} origin: shapes are as coarse; export it nearer to the origin or in 64 bits"]

@@ -5,32 +5,13 @@ from collections.abc import Iterable
 
 UNKNOWN, OTHER = "unknown", "other"
 
-# Identifier → whether the hub knows it. All permit redistribution of renderings, with attribution.
-_REDISTRIBUTABLE = {
-    "0bsd": False,
-    "apache-2.0": True,
-    "bsd-2-clause": True,
-    "bsd-3-clause": True,
-    "bsl-1.0": True,
-    "cc-by-3.0": True,
-    "cc-by-4.0": True,
-    "cc-by-nc-4.0": True,
-    "cc-by-nc-sa-4.0": True,
-    "cc-by-sa-3.0": True,
-    "cc-by-sa-4.0": True,
-    "cc0-1.0": True,
-    "cdla-permissive-1.0": True,
-    "cdla-permissive-2.0": True,
-    "cdla-sharing-1.0": True,
-    "isc": True,
-    "mit": True,
-    "mit-0": False,
-    "odbl": True,
-    "odc-by": True,
-    "pddl": True,
-    "unlicense": True,
-    "zlib": True,
-}
+# All permit redistribution of renderings, with attribution; the hub has a key for the first ones.
+_ON_HUB = (
+    "apache-2.0 bsd-2-clause bsd-3-clause bsl-1.0 cc-by-3.0 cc-by-4.0 cc-by-nc-4.0 cc-by-nc-sa-4.0 "
+    "cc-by-sa-3.0 cc-by-sa-4.0 cc0-1.0 cdla-permissive-1.0 cdla-permissive-2.0 cdla-sharing-1.0 "
+    "isc mit odbl odc-by pddl unlicense zlib"
+)
+_REDISTRIBUTABLE = dict.fromkeys(_ON_HUB.split(), True) | {"0bsd": False, "mit-0": False}
 # Renderings of a scan are a derived work, which these forbid to pass on.
 _NO_DERIVATIVES = {"cc-by-nd-4.0", "cc-by-nc-nd-3.0", "cc-by-nc-nd-4.0"}
 
@@ -89,11 +70,8 @@ def why_not(identifier: str) -> str:
 def hub_licence(identifiers: Iterable[str]) -> dict[str, str]:
     """Return the licence keys of a dataset card for data made from scenes with these licences."""
     names = sorted(set(identifiers)) or [UNKNOWN]
-    known = _REDISTRIBUTABLE.get(names[0], names[0] in {UNKNOWN, *_NO_DERIVATIVES})
-    if len(names) == 1 and known:
+    on_hub = _REDISTRIBUTABLE.get(names[0], names[0] in {UNKNOWN, *_NO_DERIVATIVES})
+    if len(names) == 1 and on_hub:
         return {"license": names[0]}
-    return {
-        "license": OTHER,
-        "license_name": "-and-".join(names),
-        "license_link": "meta/provenance.json",
-    }
+    link = "meta/provenance.json"
+    return {"license": OTHER, "license_name": "-and-".join(names), "license_link": link}

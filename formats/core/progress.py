@@ -1,7 +1,4 @@
-"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute.
-
-Elsewhere what is done in no time is told in one line.
-"""
+"""Progress on stderr: a bar on a terminal, elsewhere a line per tenth or half minute."""
 
 import os
 import sys
@@ -34,27 +31,17 @@ def progress_bar(
     done or `SILENCE_S` have passed, and one for where it was closed.
 
     Args:
-        name: what is being done.
         items: to iterate over; without them, `update` is called by hand.
-        initial: how many items are done already.
+        initial: number of items that are done already.
         note: follows the counts; `set_postfix_str` changes it.
     """
-    terminal = sys.stderr.isatty()
-    how: dict[str, Any] = {"mininterval": 0, "miniters": 1}
-    if terminal:
-        columns = os.get_terminal_size(sys.stderr.fileno()).columns or UNKNOWN_WIDTH
-        # tqdm draws nothing on a terminal of unknown height.
-        how = {"ncols": min(columns, WIDEST) - 1, "nrows": 2}
-    return (tqdm if terminal else _Lines)(
-        items,
-        total=total,
-        initial=initial,
-        desc=name,
-        postfix=note,
-        disable=not show,
-        bar_format=_BAR if terminal else _LINE,
-        **how,
-    )
+    options: dict[str, Any] = {"total": total, "initial": initial, "desc": name}
+    options |= {"postfix": note, "disable": not show}
+    if not sys.stderr.isatty():
+        return _Lines(items, bar_format=_LINE, mininterval=0, miniters=1, **options)
+    columns = os.get_terminal_size(sys.stderr.fileno()).columns or UNKNOWN_WIDTH
+    # tqdm draws nothing on a terminal of unknown height.
+    return tqdm(items, bar_format=_BAR, ncols=min(columns, WIDEST) - 1, nrows=2, **options)
 
 
 class _Lines(tqdm):
@@ -62,7 +49,7 @@ class _Lines(tqdm):
 
     _tenth = -1
     _written = -1
-    _told_s = 0.0
+    _written_s = 0.0
 
     def __init__(self, *args: Any, **options: Any):
         super().__init__(*args, delay=SHORT_S, **options)
@@ -75,7 +62,7 @@ class _Lines(tqdm):
     def display(self, msg: str | None = None, pos: int | None = None) -> None:
         """Write a line if another tenth is done, or nothing has been written for `SILENCE_S`."""
         tenth = 10 * self.n // self.total if self.total else 10
-        silent = time.monotonic() - self._told_s > SILENCE_S and self.n != self._written
+        silent = time.monotonic() - self._written_s > SILENCE_S and self.n != self._written
         if tenth > self._tenth or silent:
             self._tenth = tenth
             self._write()
@@ -89,6 +76,6 @@ class _Lines(tqdm):
         super().close()
 
     def _write(self) -> None:
-        self._written, self._told_s = self.n, time.monotonic()
+        self._written, self._written_s = self.n, time.monotonic()
         self.fp.write(f"{self}\n")
         self.fp.flush()

@@ -136,7 +136,7 @@ class Rollout:
     def frame_samples(self, frames_per_second: int) -> I64:
         """Return the sample index (N,) of each frame: every 100/fps-th sample from 0 on.
 
-        Of a robot that has come to rest after its stop, up to the first frame at rest.
+        If the robot came to rest after STOP, frames end at the first one at rest.
 
         Raises:
             ValueError: when the rate does not divide `STATE_RATE_HZ`.

@@ -56,9 +56,6 @@ def code_digest(*modules: str) -> str:
     """Return the SHA-256 hex of the source of all of our modules that importing `modules` executes.
 
     Comments and docstrings do not count; the data files of the modules' packages do.
-
-    Raises:
-        ModuleNotFoundError: there is no such module.
     """
     state = hashlib.sha256()
     ours = imported_modules(*modules)
@@ -77,22 +74,19 @@ def imported_modules(*modules: str) -> frozenset[str]:
 
     Imports inside functions count, those for type checkers alone do not. A module's packages are
     executed with it.
-
-    Raises:
-        ModuleNotFoundError: there is no such module.
     """
     waiting = [module.removeprefix(f"{NAME}.") for module in modules]
-    found: set[str] = set()
+    reached: set[str] = set()
     while waiting:
         module = waiting.pop()
-        if module in found:
+        if module in reached:
             continue
-        found.add(module)
+        reached.add(module)
         parent = module.rpartition(".")[0]
         if parent and _file(parent) is not None:
             waiting.append(parent)
-        waiting.extend(_source(module).ours - found)
-    return frozenset(found)
+        waiting.extend(_source(module).ours - reached)
+    return frozenset(reached)
 
 
 def module_digest(module: str) -> str:
@@ -103,11 +97,10 @@ def module_digest(module: str) -> str:
 def libraries(*modules: str) -> dict[str, str]:
     """Return name and version of each installed distribution that the modules import."""
     owners = _owners()
-    result: dict[str, str | None] = {}
-    for module in imported_modules(*modules):
-        for package in _source(module).others:
-            result.update((name, _version(name)) for name in owners.get(package, ()))
-    return {name: v for name, v in result.items() if v is not None and name != NAME}
+    packages = {p for module in imported_modules(*modules) for p in _source(module).others}
+    names = {name for package in packages for name in owners.get(package, ()) if name != NAME}
+    versions = {name: _version(name) for name in names}
+    return {name: installed for name, installed in versions.items() if installed is not None}
 
 
 @cache
@@ -122,17 +115,16 @@ def _version(distribution: str) -> str | None:
 def _owners() -> dict[str, list[str]]:
     """Return the distributions that bring each top-level package.
 
-    Finding out takes half a second; it is kept as long as the same distributions are installed.
+    The search takes half a second; it is cached as long as the same distributions are installed.
     """
-    folders = [Path(folder) for folder in sys.path]
-    found = {path for folder in folders for path in folder.glob("*-info")}
+    folders = {path for folder in sys.path for path in Path(folder).glob("*-info")}
     # With its time, because one version can be installed again with other packages in it.
-    installed = sorted([str(path), path.stat().st_mtime_ns] for path in found)
+    installed = sorted([str(path), path.stat().st_mtime_ns] for path in folders)
     # Environments that share this checkout have other packages each.
-    known = _kept()["owners"].setdefault(sys.prefix, {})
-    if known.get("installed") != installed:
-        known["installed"], known["of"] = installed, dict(packages_distributions())
-    return known["of"]
+    cached = _disk_cache()["owners"].setdefault(sys.prefix, {})
+    if cached.get("installed") != installed:
+        cached["installed"], cached["of"] = installed, dict(packages_distributions())
+    return cached["of"]
 
 
 @cache
@@ -165,35 +157,35 @@ def _source(module: str) -> _Source:
     path = _path(module)
     raw = path.read_bytes()
     text = hashlib.sha256(raw).hexdigest()
-    known = _kept()["modules"].get(module)
-    if known is None or known["text"] != text:
-        known = {"text": text, **_parse(module, path, raw)}
-        _kept()["modules"][module] = known
-    # Which names are modules depends on other files, too.
-    ours = frozenset(name for name in known["names"] if _file(name) is not None)
-    return _Source(ours, frozenset(known["others"]), known["digest"])
+    cached = _disk_cache()["modules"].get(module)
+    if cached is None or cached["text"] != text:
+        cached = {"text": text, **_parse(module, path, raw)}
+        _disk_cache()["modules"][module] = cached
+    # A name is a module or not depending on other files, too.
+    ours = frozenset(name for name in cached["names"] if _file(name) is not None)
+    return _Source(ours, frozenset(cached["others"]), cached["digest"])
 
 
 @cache
-def _kept() -> dict[str, Any]:
-    """Return what is known of modules by the text they had, and of what is installed.
+def _disk_cache() -> dict[str, Any]:
+    """Return facts of modules by the text they had, and of what is installed.
 
-    It is kept when the process ends: finding it out takes a second, in every process that uses a
-    kernel.
+    They are written when the process ends: they take a second to collect, in every process that
+    uses a kernel.
     """
     this = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
     path = ROOT / "__pycache__" / f"sources-{sys.implementation.cache_tag}-{this}.json"
     try:
         before = path.read_text()
-        known = json.loads(before)
+        facts = json.loads(before)
     except (OSError, ValueError):  # there is none yet
-        before, known = "", {"modules": {}, "owners": {}}
-    atexit.register(_keep, path, known, before)
-    return known
+        before, facts = "", {"modules": {}, "owners": {}}
+    atexit.register(_write_cache, path, facts, before)
+    return facts
 
 
-def _keep(path: Path, known: dict[str, Any], before: str) -> None:
-    text = json.dumps(known)
+def _write_cache(path: Path, facts: dict[str, Any], before: str) -> None:
+    text = json.dumps(facts)
     if text != before and not sys.dont_write_bytecode:
         with contextlib.suppress(OSError):  # an installed package may be read-only
             path.parent.mkdir(exist_ok=True)

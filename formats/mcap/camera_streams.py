@@ -48,14 +48,14 @@ def extract_videos(
 
 def topic_messages(contents: Contents, path: Path, topic: str, count: int) -> list[Any]:
     """Return a topic's `count` messages, decoded by the schema in the file."""
-    found = contents.messages.get(topic, [])
-    if len(found) != count:
-        what = f"{len(found)} of {count} messages" if found else "missing"
-        raise FileFormatError(path, f"topic {topic}: {what}")
-    channel = contents.channels[found[0].channel_id]
+    messages = contents.messages.get(topic, [])
+    if len(messages) != count:
+        reason = f"{len(messages)} of {count} messages" if messages else "missing"
+        raise FileFormatError(path, f"topic {topic}: {reason}")
+    channel = contents.channels[messages[0].channel_id]
     try:
         kind = message_class(contents.schemas[channel.schema_id])
-        return [kind.FromString(message.data) for message in found]
+        return [kind.FromString(message.data) for message in messages]
     except (KeyError, TypeError, DecodeError) as error:
         raise FileFormatError(path, f"topic {topic} is damaged: {error!r}") from error
 

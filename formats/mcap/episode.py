@@ -150,10 +150,9 @@ def read_json_metadata(contents: Contents, name: str, path: Path) -> Any:
         return None
     try:
         value = parse_json(path, record[JSON_KEY].encode())
-    except (KeyError, UnicodeEncodeError) as error:
-        raise FileFormatError(path, f"metadata {name} is damaged: {error!r}") from error
-    except FileFormatError as error:
-        raise FileFormatError(path, f"metadata {name} is damaged: {error.reason}") from error
+    except (KeyError, UnicodeEncodeError, FileFormatError) as error:
+        reason = error.reason if isinstance(error, FileFormatError) else repr(error)
+        raise FileFormatError(path, f"metadata {name} is damaged: {reason}") from error
     if not isinstance(value, dict):
         raise FileFormatError(path, f"metadata {name} is damaged: no JSON object")
     return value
@@ -178,12 +177,8 @@ def extract_contents(contents: Contents, path: Path, folder: Path) -> ExtractedE
         write_frame_records(temporary, facts, arrays)
     frames = read_frame_folder(folder)
     _check_frames(path, frames, rollout)
-    return ExtractedEpisode(
-        rollout,
-        frames,
-        extract_shown(contents),
-        read_json_metadata(contents, DATASET_METADATA, path),
-    )
+    dataset = read_json_metadata(contents, DATASET_METADATA, path)
+    return ExtractedEpisode(rollout, frames, extract_shown(contents), dataset)
 
 
 def extract_records(

@@ -58,10 +58,10 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
     """Return arguments of `Rollout` but the arrays, and `samples`: inverse of `rollout_facts`."""
     try:
         facts = parse_json(path, metadata[JSON_KEY].encode())
-        if facts["format_version"] != FORMAT_VERSION:
-            raise FileFormatError(
-                path, f"rollout version {facts['format_version']}; this code reads {FORMAT_VERSION}"
-            )
+        version = facts["format_version"]
+        if version != FORMAT_VERSION:
+            reason = f"rollout version {version}; this code reads {FORMAT_VERSION}"
+            raise FileFormatError(path, reason)
         samples = facts["samples"]
         for _, start, stop in facts["actions"]:
             if not 0 <= start <= stop <= samples:
@@ -81,6 +81,4 @@ def rollout_fields(metadata: dict[str, str], path: Path) -> dict[str, Any]:
             "facts": facts["facts"],
         }
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, FileFormatError):
-            raise
         raise FileFormatError(path, f"not the facts of a rollout: {error!r}") from error

@@ -36,16 +36,13 @@ class _Field:
 
 
 # In order of field numbers, which must never change. `time_s` first; vectors are packed.
+_VECTORS = (
+    *("position_world_m", "quat_wxyz", "linear_velocity_base_m_s", "angular_velocity_base_rad_s"),
+    *("joint_position_rad", "joint_velocity_rad_s", "joint_torque_nm", "command"),
+)
 FIELDS = (
     _Field("time_s", "<f8", scalar=True),
-    _Field("position_world_m", "<f8"),
-    _Field("quat_wxyz", "<f8"),
-    _Field("linear_velocity_base_m_s", "<f8"),
-    _Field("angular_velocity_base_rad_s", "<f8"),
-    _Field("joint_position_rad", "<f8"),
-    _Field("joint_velocity_rad_s", "<f8"),
-    _Field("joint_torque_nm", "<f8"),
-    _Field("command", "<f8"),
+    *(_Field(name, "<f8") for name in _VECTORS),
     _Field("foot_contact", "|b1"),
     _Field("imu", "<f8"),
     _Field("floor_z_m", "<f8", scalar=True),
@@ -57,15 +54,10 @@ def state_schema() -> bytes:
     """Return the message's definition, a serialised FileDescriptorSet."""
     file = FileDescriptorProto(name="vlnpe/robot_state.proto", package="vlnpe", syntax="proto3")
     message = file.message_type.add(name=SCHEMA_NAME.partition(".")[2])
+    once, repeated = FieldDescriptorProto.LABEL_OPTIONAL, FieldDescriptorProto.LABEL_REPEATED
     for number, item in enumerate(FIELDS, 1):
-        message.field.add(
-            name=item.name,
-            number=number,
-            label=FieldDescriptorProto.LABEL_OPTIONAL
-            if item.scalar
-            else FieldDescriptorProto.LABEL_REPEATED,
-            type=DOUBLE if item.dtype == "<f8" else BOOL,
-        )
+        label, kind = once if item.scalar else repeated, DOUBLE if item.dtype == "<f8" else BOOL
+        message.field.add(name=item.name, number=number, label=label, type=kind)
     return FileDescriptorSet(file=[file]).SerializeToString(deterministic=True)
 
 
@@ -124,7 +116,7 @@ def _read_head(row: U8, at: int, number: int, item: _Field, path: Path) -> tuple
             shift, start = shift + 7, start + 1
             if byte < 0x80:
                 break
-    known = row[at : at + 1].tolist() == list(_head(number, item, size)[:1])
-    if not known or start + size > len(row) or size % np.dtype(item.dtype).itemsize:
+    tag = row[at : at + 1].tolist() == list(_head(number, item, size)[:1])
+    if not tag or start + size > len(row) or size % np.dtype(item.dtype).itemsize:
         raise FileFormatError(path, f"state field {number} is not {item.name}")
     return size, start

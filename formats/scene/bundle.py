@@ -13,7 +13,7 @@
 The index is written last: a folder with one is complete.
 """
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -186,21 +186,14 @@ def save_bundle(
     save_npz(bundle.root / "visual.npz", **vars(visual))
     for k, (floor, obstacles, freemap) in enumerate(levels):
         folder = bundle.root / "levels" / str(k)
-        save_npz(
-            folder / "floor.npz",
-            **grid_arrays(floor.grid),
-            height_m=floor.height_m,
-            covered=floor.covered,
-        )
+        save_npz(folder / "floor.npz", **grid_arrays(floor.grid), **_without_grid(floor))
         save_npz(folder / "obstacles.npz", **vars(obstacles))
-        save_npz(
-            folder / "freemap.npz",
-            **grid_arrays(freemap.grid),
-            floor_z_m=freemap.floor_z_m,
-            traversable=freemap.traversable,
-            headroom_m=freemap.headroom_m,
-        )
+        save_npz(folder / "freemap.npz", **grid_arrays(freemap.grid), **_without_grid(freemap))
     save_index(bundle)
+
+
+def _without_grid(record: Floor | Freemap) -> dict[str, Any]:
+    return {f.name: getattr(record, f.name) for f in fields(record) if f.name != "grid"}
 
 
 def save_index(bundle: SceneBundle) -> None:
@@ -229,15 +222,14 @@ def load_bundle(root: Path) -> SceneBundle:
         raise FileFormatError(root, f"contains no repaired scene ({INDEX_NAME} is missing)")
     try:
         index = read_json_object(path)
-        for material in index["materials"]:
-            if material["texture"] and not is_relative(material["texture"]):
-                raise FileFormatError(
-                    path, f"texture {brief(material['texture'])} leads out of the scene's folder"
-                )
-        if index["format_version"] != FORMAT_VERSION:
-            raise FileFormatError(
-                path, f"format version {index['format_version']}; this code reads {FORMAT_VERSION}"
-            )
+        textures = [material["texture"] for material in index["materials"]]
+        for texture in filter(None, textures):
+            if not is_relative(texture):
+                reason = f"texture {brief(texture)} leads out of the scene's folder"
+                raise FileFormatError(path, reason)
+        if (version := index["format_version"]) != FORMAT_VERSION:
+            reason = f"format version {version}; this code reads {FORMAT_VERSION}"
+            raise FileFormatError(path, reason)
         return SceneBundle(
             root=root,
             scene_id=index["scene_id"],

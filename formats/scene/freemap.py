@@ -87,9 +87,5 @@ class Freemap:
     def traversable_on(self, grid: GridSpec) -> Mask:
         """Return `traversable` at the cell centres of another grid, (rows, columns) of that."""
         rows, columns = self.grid.under(grid)
-        held = np.pad(self.traversable, 1)
-        return held[
-            np.ix_(
-                np.clip(rows, -1, self.grid.rows) + 1, np.clip(columns, -1, self.grid.columns) + 1
-            )
-        ]
+        rows, columns = np.clip(rows, -1, self.grid.rows), np.clip(columns, -1, self.grid.columns)
+        return np.pad(self.traversable, 1)[np.ix_(rows + 1, columns + 1)]

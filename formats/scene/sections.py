@@ -38,7 +38,7 @@ def inside_solids(
 def _outline(triangles: Array, z_m: float) -> Array:
     """Return directed segments (N, 2, 2) of the section, the material on their left."""
     ends = np.full((len(triangles), 2, 2), np.nan)
-    found = np.zeros(len(triangles), dtype=np.int64)
+    count = np.zeros(len(triangles), dtype=np.int64)
     for k in range(3):
         p, q = triangles[:, k], triangles[:, (k + 1) % 3]
         crosses = (p[:, 2] <= z_m) != (q[:, 2] <= z_m)
@@ -46,14 +46,14 @@ def _outline(triangles: Array, z_m: float) -> Array:
         share[crosses] = ((z_m - p[:, 2]) / np.where(crosses, q[:, 2] - p[:, 2], 1.0))[crosses]
         at = p[:, :2] + share[:, None] * (q[:, :2] - p[:, :2])
         rows = np.flatnonzero(crosses)
-        ends[rows, found[rows]] = at[rows]
-        found[rows] += 1
+        ends[rows, count[rows]] = at[rows]
+        count[rows] += 1
     normal = triangle_cross(triangles)
     ahead = ends[:, 1] - ends[:, 0]
     # The outward normal lies to the right of the segment.
     turned = ahead[:, 0] * normal[:, 1] - ahead[:, 1] * normal[:, 0] > 0
     ends[turned] = ends[turned][:, ::-1]
-    return ends[found == 2]
+    return ends[count == 2]
 
 
 @kernel()

@@ -1,6 +1,6 @@
-"""Visibility along a path: rendered ids counted per moment and object, as JSON on disk.
+"""Visibility along a path: rendered ids counted per view and object, as JSON on disk.
 
-The pipeline renders them (the renderer lives in `collectors`), the instruction stage reads them.
+The pipeline renders them, the instruction stage reads them.
 """
 
 import contextlib
@@ -99,9 +99,9 @@ def visibility_writer(
                 [g.thing, round(g.along_m, 3), g.pixels, round(g.occluded, 3), list(g.rgb)]
                 for g in sight.glimpses
             ]
-            looks = [round(along, 3) for along in sight.looks_m]
-            one = _json({"looks_m": looks, "glimpses": glimpses})
-            out.write(f"{between}{_json(trajectory_id)}:{one}")
+            distances = [round(along, 3) for along in sight.looks_m]
+            record = _json({"looks_m": distances, "glimpses": glimpses})
+            out.write(f"{between}{_json(trajectory_id)}:{record}")
             between = ",\n"
 
         yield write
@@ -113,8 +113,8 @@ def read_visibility(path: Path, *more: Path) -> Visibility:
 
     A path's sight is decoded when it is asked for.
     """
-    parts = [_read(one) for one in (path, *more)]
-    lines = {name: line for _, found in parts for name, line in found.items()}
+    parts = [_read(file) for file in (path, *more)]
+    lines = {name: line for _, named in parts for name, line in named.items()}
     return Visibility(parts[0][0], _Encoded(lines))
 
 
@@ -122,8 +122,8 @@ def _read(path: Path) -> tuple[SightCamera, dict[str, str]]:
     try:
         first, *lines = path.read_text(encoding="utf-8").splitlines() or [""]
         head: dict[str, Any] = json.loads(first + _END if first.endswith(_PATHS) else first)
-        if head["format_version"] != VISIBILITY_VERSION:
-            version = head["format_version"]
+        version = head["format_version"]
+        if version != VISIBILITY_VERSION:
             raise FileFormatError(path, f"version {version}; this code reads {VISIBILITY_VERSION}")
         camera = SightCamera(**head["camera"])
         if lines[-1] != _END:
@@ -157,9 +157,9 @@ def _json(value: object) -> str:
 
 
 def _decoded(line: str) -> tuple[str, PathSight]:
-    ((trajectory_id, one),) = json.loads("{" + line.removesuffix(",") + "}").items()
+    ((trajectory_id, record),) = json.loads("{" + line.removesuffix(",") + "}").items()
     glimpses = tuple(
         Glimpse(thing, along, pixels, occluded, (rgb[0], rgb[1], rgb[2]))
-        for thing, along, pixels, occluded, rgb in one["glimpses"]
+        for thing, along, pixels, occluded, rgb in record["glimpses"]
     )
-    return trajectory_id, PathSight(tuple(one["looks_m"]), glimpses)
+    return trajectory_id, PathSight(tuple(record["looks_m"]), glimpses)

@@ -38,8 +38,8 @@ def read_ply_splats(path: Path) -> GaussianCloud:
         raise FileFormatError(path, "contains no Gaussian splats")
     comments = [c.partition(" ") for c in header.comments]
     licence = next((text for word, _, text in comments if word.lower() in LICENCE_WORDS), "")
-    read = _read_compressed if kind == COMPRESSED else _read_plain
-    return cleaned(path, read(path, header, licence))
+    reader = _read_compressed if kind == COMPRESSED else _read_plain
+    return cleaned(path, reader(path, header, licence))
 
 
 def _read_plain(path: Path, header: PlyHeader, licence: str) -> GaussianCloud:
@@ -86,13 +86,11 @@ def _read_compressed(path: Path, header: PlyHeader, licence: str) -> GaussianClo
     if chunk.count * CHUNK < count or (extra is not None and extra.count != count):
         raise FileFormatError(path, f"{chunk.count:,} chunks for {count:,} Gaussians")
     bounds, words = ply_rows(path, header, "chunk"), ply_rows(path, header, "vertex")
-    of = np.arange(count) // CHUNK
+    chunk_of = np.arange(count) // CHUNK
 
     def between(share: F32, names: tuple[str, ...]) -> F32:
-        low, high = (
-            np.stack([bounds[name] for name in part], axis=-1)[of]
-            for part in (names[:3], names[3:])
-        )
+        ends = names[:3], names[3:]
+        low, high = (np.stack([bounds[name] for name in end], axis=-1)[chunk_of] for end in ends)
         return (low + share * (high - low)).astype(np.float32)
 
     color = _unpacked(words["packed_color"], (8, 8, 8, 8))

@@ -62,11 +62,11 @@ def limits() -> Limits:
     Raises:
         InputError: the variable names an unknown limit, or a value is not a whole number above 0.
     """
-    known = [f.name for f in fields(Limits)]
+    names = [f.name for f in fields(Limits)]
     changes: dict[str, int] = {}
     for entry in os.environ.get(VARIABLE, "").replace(",", " ").split():
         name, _, value = entry.partition("=")
-        check_name(f"limit in {VARIABLE}", name, known)
+        check_name(f"limit in {VARIABLE}", name, names)
         if not value.isdecimal() or int(value) < 1:
             raise InputError(f"{VARIABLE}: {name}={value}; valid: a whole number above 0")
         changes[name] = int(value)

@@ -31,8 +31,8 @@ class VideoCodec:
 
     def options(self) -> dict[str, str]:
         """Return the encoder's option dictionary as FFmpeg takes it."""
-        chosen = {"g": GROUP_OF_PICTURES, "crf": self.crf, "preset": self.preset}
-        return {k: str(v) for k, v in (chosen | self.extra_options).items()}
+        options = {"g": GROUP_OF_PICTURES, "crf": self.crf, "preset": self.preset}
+        return {k: str(v) for k, v in (options | self.extra_options).items()}
 
 
 # Measured at 256 × 256 on two rendered walks through a furnished house, one core, CRF 21: H.264

@@ -51,8 +51,8 @@ def write_rgb_video(
 
     def convert(frame: U8) -> av.VideoFrame:
         if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8:
-            given = f"RGB frame of shape {frame.shape} {frame.dtype}"
-            raise ValueError(f"{given}; valid: (H, W, 3) uint8")
+            shape = f"RGB frame of shape {frame.shape} {frame.dtype}"
+            raise ValueError(f"{shape}; valid: (H, W, 3) uint8")
         if frame.shape[0] % 2 or frame.shape[1] % 2:
             size = f"{frame.shape[1]} x {frame.shape[0]}"
             raise ValueError(f"frame size {size}; both must be even for yuv420p")

@@ -64,11 +64,9 @@ def read_vlnce(
     seen: set[str] = set()
     for index, raw in enumerate(document["episodes"]):
         if isinstance(raw, dict) and unsafe_scene_id(raw.get("scene_id")):
-            raise FileFormatError(
-                path,
-                f"episode number {index}: scene_id {brief(raw['scene_id'])} leads out of the "
-                "folder of scenes; valid: a relative path without '..'",
-            )
+            scene = f"episode number {index}: scene_id {brief(raw['scene_id'])}"
+            reason = "leads out of the folder of scenes; valid: a relative path without '..'"
+            raise FileFormatError(path, f"{scene} {reason}")
         try:
             reader = EpisodeReader(path, index, raw)
             episode = reader.episode()
@@ -146,6 +144,7 @@ def _to_vlnce(episode: Episode, vocabulary: Vocabulary) -> VlnceEpisode:
         "start_yaw_rad": episode.start_yaw_rad,
         "extra": episode.extra,
     }
+    goal = world_to_habitat_position(episode.goal_position_world_m)
     return VlnceEpisode(
         episode_id=episode.episode_id,
         trajectory_id=episode.trajectory_id,
@@ -154,11 +153,7 @@ def _to_vlnce(episode: Episode, vocabulary: Vocabulary) -> VlnceEpisode:
         start_rotation_xyzw=world_to_habitat_rotation(episode.start_yaw_rad),
         instruction_text=episode.instruction,
         instruction_tokens=tuple(vocabulary.encode(episode.instruction, _TOKENS)),
-        goals=(
-            VlnceGoal(
-                world_to_habitat_position(episode.goal_position_world_m), episode.goal_radius_m
-            ),
-        ),
+        goals=(VlnceGoal(goal, episode.goal_radius_m),),
         reference_path_habitat_m=world_to_habitat_position(episode.reference_path_world_m),
         info={"geodesic_distance": episode.geodesic_distance_m, OUR_KEY: ours},
     )
@@ -209,10 +204,9 @@ def _episode_json(e: VlnceEpisode) -> dict[str, Any]:
         "info": e.info,
         "instruction": instruction,
     }
-    if e.goals:
-        result["goals"] = [
-            {"position": g.position_habitat_m.tolist(), "radius": g.radius_m} for g in e.goals
-        ]
+    goals = [{"position": g.position_habitat_m.tolist(), "radius": g.radius_m} for g in e.goals]
+    if goals:
+        result["goals"] = goals
     if len(e.reference_path_habitat_m):
         result["reference_path"] = e.reference_path_habitat_m.tolist()
     result |= e.extra
@@ -221,8 +215,8 @@ def _episode_json(e: VlnceEpisode) -> dict[str, Any]:
     if not e.info and "info" not in e.source:
         del result["info"]
     # Empty values (`"goals": null` in a test split) stay as they are written.
-    gone = {key for key in e.source.keys() - result.keys() if e.source[key]}
-    merged = overlay(e.source, result, gone)
+    removed = {key for key in e.source.keys() - result.keys() if e.source[key]}
+    merged = overlay(e.source, result, removed)
     if "info" in result:
         merged["info"] = e.info
     if e.instruction_tokens is None and merged["instruction"].get("instruction_tokens"):

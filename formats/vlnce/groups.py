@@ -1,4 +1,4 @@
-"""Episodes of one path as one: it is walked once and carries the instructions of all of them.
+"""Join the episodes of a path: it is walked once and carries the instructions of all of them.
 
 R2R describes each path three times, in three episodes. `group_by_path` joins them into one record
 with the id of the first; `ungroup` restores the original episodes.
@@ -17,7 +17,7 @@ MEMBERS = "members"  # in `extra`: what distinguishes the joined episodes
 def group_by_path(episodes: Iterable[Episode]) -> list[Episode]:
     """Join the episodes that share scene, split, trajectory, start, heading, goal and path.
 
-    Of each path the first episode remains. Its `extra["instructions"]` has the texts of all, and
+    The first episode of each path remains. Its `extra["instructions"]` has the texts of all, and
     `extra["members"]` what `ungroup` needs. Paths stay in order of their first episode; grouping
     twice changes nothing.
     """
@@ -52,22 +52,28 @@ def per_instruction(episode: Episode) -> list[Episode]:
     """
     texts = episode.extra.get(TEXTS, [])
     originals = ungroup(episode)
-    found = [t for one in originals for t in one.extra.get(TEXTS) or [one.instruction] if t]
-    if texts and found != texts:  # people edited or rejected some in review
+    if texts and _texts_of(originals) != texts:  # people edited or rejected some in review
         extra = {key: value for key, value in episode.extra.items() if key != MEMBERS}
         originals = [replace(episode, extra=extra)]
     result = []
-    for one in originals:
-        texts = one.extra.get(TEXTS) or [one.instruction]
-        made = one.extra.get("instruction", {})
+    for original in originals:
+        texts = original.extra.get(TEXTS) or [original.instruction]
+        facts = original.extra.get("instruction", {})
         for number, text in enumerate(texts):
-            name = one.episode_id if number == 0 else f"{one.episode_id}-{number + 1}"
-            extra = one.extra | {TEXTS: [text]} if TEXTS in one.extra else one.extra
-            if len(made.get("texts", ())) == len(texts):
-                facts = made | {"texts": [made["texts"][number]]}
-                extra = extra | {"instruction": facts}
-            result.append(replace(one, episode_id=name, instruction=text, extra=extra))
+            name = f"{original.episode_id}-{number + 1}" if number else original.episode_id
+            extra = dict(original.extra)
+            if TEXTS in extra:
+                extra[TEXTS] = [text]
+            if len(facts.get("texts", ())) == len(texts):
+                extra["instruction"] = facts | {"texts": [facts["texts"][number]]}
+            result.append(replace(original, episode_id=name, instruction=text, extra=extra))
     return result
+
+
+def _texts_of(episodes: Iterable[Episode]) -> list[str]:
+    """Return the texts of all episodes, without empty ones."""
+    texts = (e.extra.get(TEXTS) or [e.instruction] for e in episodes)
+    return [text for several in texts for text in several if text]
 
 
 def instruction_ids(episode: Episode) -> list[str]:
@@ -101,20 +107,19 @@ def _path_key(episode: Episode) -> tuple[Any, ...]:
 def _joined(group: Sequence[Episode]) -> Episode:
     if len(group) == 1:
         return group[0]
-    originals = [one for episode in group for one in ungroup(episode)]
-    first = originals[0]
-    texts = [t for one in originals for t in one.extra.get(TEXTS) or [one.instruction] if t]
+    originals = [original for episode in group for original in ungroup(episode)]
+    first, texts = originals[0], _texts_of(originals)
     extra = {key: value for key, value in first.extra.items() if key != TEXTS}
     if texts:
         extra[TEXTS] = texts
     members = [
         {
-            "episode_id": one.episode_id,
-            "instruction": one.instruction,
-            "with": {k: v for k, v in one.extra.items() if k not in extra or extra[k] != v},
-            "without": [k for k in extra if k not in one.extra],
+            "episode_id": original.episode_id,
+            "instruction": original.instruction,
+            "with": {k: v for k, v in original.extra.items() if k not in extra or extra[k] != v},
+            "without": [k for k in extra if k not in original.extra],
         }
-        for one in originals
+        for original in originals
     ]
     return replace(first, extra={**extra, MEMBERS: members})
 

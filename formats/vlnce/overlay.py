@@ -4,7 +4,7 @@ from collections.abc import Collection
 from typing import Any
 
 
-def overlay(source: Any, values: Any, gone: Collection[str] = ()) -> Any:
+def overlay(source: Any, values: Any, removed: Collection[str] = ()) -> Any:
     """Return `source` with `values` in it: order, unknown keys and spelling of equal values stay.
 
     Objects are merged key by key; keys that `source` lacks follow at the end. Lists of equal length
@@ -13,13 +13,13 @@ def overlay(source: Any, values: Any, gone: Collection[str] = ()) -> Any:
     Args:
         source: as read; None when there is none.
         values: what the record says.
-        gone: keys of `source`, at its top, that the record no longer has.
+        removed: keys of `source`, at its top, that the record no longer has.
     """
     if isinstance(source, dict) and isinstance(values, dict):
         merged = {
             key: overlay(value, values[key]) if key in values else value
             for key, value in source.items()
-            if key not in gone
+            if key not in removed
         }
         return merged | {key: value for key, value in values.items() if key not in source}
     if isinstance(source, list) and isinstance(values, list) and len(source) == len(values):

@@ -53,7 +53,7 @@ class VlnceEpisode:
 
     @property
     def unknown_keys(self) -> dict[str, Any]:
-        """What the source says inside `instruction` and `goals` beyond the schema, by key.
+        """Values of the source inside `instruction` and `goals` beyond the schema, by key.
 
         `source_instruction` is RxR's language, annotator, word times, …; `source_goals` has one
         object per goal. A key is missing where there is nothing.
@@ -62,8 +62,8 @@ class VlnceEpisode:
             return {}
         other = _without(self.source.get("instruction"), _INSTRUCTION_KEYS)
         goals = [_without(goal, _GOAL_KEYS) for goal in self.source.get("goals") or ()]
-        found = {"source_instruction": other, "source_goals": goals if any(goals) else None}
-        return {key: value for key, value in found.items() if value}
+        unknown = {"source_instruction": other, "source_goals": goals if any(goals) else None}
+        return {key: value for key, value in unknown.items() if value}
 
     @property
     def scene_stem(self) -> str:
@@ -72,7 +72,7 @@ class VlnceEpisode:
 
     @property
     def in_repaired_world(self) -> bool:
-        """Whether our writer made it; then its coordinates are those of the repaired world."""
+        """True if our writer made it: its coordinates are those of the repaired world."""
         return OUR_KEY in self.info
 
 
@@ -93,8 +93,8 @@ class BadEpisode:
     @property
     def name(self) -> str:
         """Its id where it has one, and its place."""
-        known = "" if self.episode_id is None else f"{str(self.episode_id)[:40]} "
-        return f"{known}(number {self.index})"
+        name = "" if self.episode_id is None else f"{str(self.episode_id)[:40]} "
+        return f"{name}(number {self.index})"
 
 
 @dataclass(frozen=True)
@@ -140,5 +140,5 @@ def scene_stem(scene_id: str) -> str:
     return path.stem if path.suffix.lower() in _SCENE_SUFFIXES else path.name
 
 
-def _without(value: Any, known: frozenset[str]) -> dict[str, Any]:
-    return {k: v for k, v in value.items() if k not in known} if isinstance(value, dict) else {}
+def _without(value: Any, schema: frozenset[str]) -> dict[str, Any]:
+    return {k: v for k, v in value.items() if k not in schema} if isinstance(value, dict) else {}

@@ -18,8 +18,8 @@ class Vocabulary:
     @staticmethod
     def of(texts: Iterable[str]) -> "Vocabulary":
         """Return all words of `texts`, sorted, so that equal texts give equal vocabularies."""
-        found = sorted({word for text in texts for word in tokenize(text)})
-        return Vocabulary((PAD, UNKNOWN, *found))
+        words = sorted({word for text in texts for word in tokenize(text)})
+        return Vocabulary((PAD, UNKNOWN, *words))
 
     @cached_property
     def index(self) -> dict[str, int]:

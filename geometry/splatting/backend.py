@@ -46,8 +46,10 @@ class CpuDrawer:
         self, eye: Eye, cover_m: F32 | None, cut_above_m: float, *, with_depth: bool = False
     ) -> SplatImage:
         """Draw colour and light, and the mean depth if wanted; see `draw_splats`."""
-        what = {"cover_m": cover_m, "cut_above_m": cut_above_m, "with_depth": with_depth}
-        return draw_splats(self._scene, eye, **what, detail_px=DETAIL_PX, least_light=LEAST_LIGHT)
+        options = {"cover_m": cover_m, "cut_above_m": cut_above_m, "with_depth": with_depth}
+        return draw_splats(
+            self._scene, eye, **options, detail_px=DETAIL_PX, least_light=LEAST_LIGHT
+        )
 
 
 class GsplatDrawer:
@@ -97,9 +99,9 @@ class GsplatDrawer:
                 render_mode="RGB+ED",
                 rasterize_mode=self._mode,
             )
-        drawn = image[0].cpu().numpy().astype(np.float32)
+        pixels = image[0].cpu().numpy().astype(np.float32)
         light = 1 - alpha[0, ..., 0].cpu().numpy().astype(np.float32)
-        color, depth = drawn[..., :3], drawn[..., 3]
+        color, depth = pixels[..., :3], pixels[..., 3]
         if cover_m is not None:
             hidden = (cover_m < depth) | (light >= 1)
             color, light = np.where(hidden[..., None], 0, color), np.where(hidden, 1, light)

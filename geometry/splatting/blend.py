@@ -174,7 +174,7 @@ def blend_tiles(rows, lists, alive, size, image, table):
     listed, starts = lists
     light, color, cover, depth = image
     columns = alive.shape[1]
-    wanted = depth.shape[0] > 0
+    with_depth = depth.shape[0] > 0
     slope, last = table[1:] - table[:-1], np.uint32(TABLE_STEPS)
     per_step = np.float32(TABLE_STEPS / TABLE_END)
     half, one = np.float32(0.5), np.float32(1)
@@ -240,7 +240,7 @@ def blend_tiles(rows, lists, alive, size, image, table):
                     if after < enough:
                         light[row, p] = -after
                         left -= 1
-                    if wanted:
+                    if with_depth:
                         at_pixel = z + rows[g, SLOPE_X] * dx + rows[g, SLOPE_Y] * dy
                         depth[row, p, 0] += weight * at_pixel
                         depth[row, p, 1] += weight * at_pixel * at_pixel

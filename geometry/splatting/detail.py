@@ -83,11 +83,11 @@ def _cut(level: Level, first: int, end: int) -> Level:
 
 def _merged(level: Level, *, antialiased: bool) -> Level:
     count = np.diff(level.starts)
-    of = np.repeat(np.arange(len(count)), count)
-    rank = np.arange(len(of)) - level.starts[of]
+    chunk_of = np.repeat(np.arange(len(count)), count)
+    rank = np.arange(len(chunk_of)) - level.starts[chunk_of]
     # Groups of neighbours in a chunk, which is sorted along a curve that fills space.
     per_chunk = -(-count // FAN)
-    group = (np.cumsum(per_chunk) - per_chunk)[of] + rank // FAN
+    group = (np.cumsum(per_chunk) - per_chunk)[chunk_of] + rank // FAN
     groups = int(per_chunk.sum())
     starts = np.flatnonzero(np.r_[True, group[1:] != group[:-1]])
     cover = _cover(level.covariance)
@@ -125,7 +125,7 @@ def _merged(level: Level, *, antialiased: bool) -> Level:
         flat = joint.reshape(groups, *own.shape[1:])
         return np.where(use.reshape(shape), flat[to], own[remaining]).astype(np.float32)
 
-    ends = np.cumsum(np.bincount(of[remaining], minlength=len(count)))
+    ends = np.cumsum(np.bincount(chunk_of[remaining], minlength=len(count)))
     return Level(
         rows(level.position, center),
         rows(level.covariance, covariance),
