@@ -31,13 +31,13 @@ def test_nodes_have_exactly_the_bounds_of_their_labels(folder: Path) -> None:
     boxes = {o["name"]: (o["lower"], o["upper"]) for o in content["objects"]}
     scene = trimesh.load_scene(folder / "scan.glb", process=False)
     # trimesh names the primitives of a mesh with several materials Name, Name_1, ….
-    found: dict[str, list] = {}
+    bounds_of: dict[str, list] = {}
     for node in scene.graph.nodes_geometry:
         geometry = scene.geometry[str(scene.graph[node][1])]
         name = max((n for n in boxes if str(node).startswith(n)), key=len)
-        found.setdefault(name, []).append(geometry.bounds)
-    assert len(found) > 100
-    for name, bounds in found.items():
+        bounds_of.setdefault(name, []).append(geometry.bounds)
+    assert len(bounds_of) > 100
+    for name, bounds in bounds_of.items():
         lower, upper = np.min([b[0] for b in bounds], 0), np.max([b[1] for b in bounds], 0)
         np.testing.assert_allclose([lower, upper], boxes[name], atol=1e-4, err_msg=name)
 

@@ -10,13 +10,13 @@ import trimesh
 from scipy.spatial import KDTree
 
 from vlnpe.apartments import ApartmentConfig, ScanConfig, build_scene, generate_scan
-from vlnpe.apartments.generate import scan_pose
+from vlnpe.apartments.output import scan_pose
 from vlnpe.apartments.scanner import atlas
 from vlnpe.apartments.scanner.depth import DepthCamera
 from vlnpe.apartments.scanner.stations import look
 from vlnpe.apartments.scanner.tracing import Tracer
 from vlnpe.formats.core.threads import allow_threads
-from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.formats.scene.arrays import grid_of
 
 pytestmark = pytest.mark.chain
 
@@ -67,6 +67,10 @@ def labels(folder: Path) -> list[dict]:
     return content["objects"]
 
 
+def floors(loaded: dict[str, Any]) -> list[Any]:
+    return [mesh for name, mesh in loaded.items() if name.startswith("Floor_")]
+
+
 def test_nodes_are_the_labelled_objects(loaded: dict[str, Any], labels: list[dict]) -> None:
     boxes = {o["name"]: o for o in labels}
     assert set(loaded) <= set(boxes)
@@ -104,7 +108,7 @@ def test_texels_are_at_most_a_centimetre(loaded: dict[str, Any]) -> None:
 def test_pages_show_the_rooms_colours(loaded: dict[str, Any], labels: list[dict]) -> None:
     """Floors of different rooms differ, and every page is far from one flat colour."""
     means = []
-    for mesh in (m for name, m in loaded.items() if name.split("_")[:-1] == ["Floor"]):
+    for mesh in floors(loaded):
         image = np.asarray(mesh.visual.material.baseColorTexture.convert("RGB"))
         x = (mesh.visual.uv[:, 0] * image.shape[1]).astype(int).clip(0, image.shape[1] - 1)
         y = ((1 - mesh.visual.uv[:, 1]) * image.shape[0]).astype(int).clip(0, image.shape[0] - 1)
@@ -116,9 +120,7 @@ def test_pages_show_the_rooms_colours(loaded: dict[str, Any], labels: list[dict]
 
 def test_floor_has_holes_that_the_truth_covers(folder: Path) -> None:
     truth = np.load(folder / "truth.npz")
-    grid = GridSpec(
-        tuple(truth["origin_xy_m"]), float(truth["cell_m"]), *(int(n) for n in truth["shape"])
-    )
+    grid = grid_of(truth)
     floor, seen = truth["floor_mask"], truth["seen_mask"]
     assert floor.shape == seen.shape == grid.shape
     assert not np.any(seen & ~floor)
@@ -129,9 +131,7 @@ def test_floor_has_holes_that_the_truth_covers(folder: Path) -> None:
 
 
 def test_floor_is_bumpy_but_walkable(loaded: dict[str, Any]) -> None:
-    height = np.concatenate(
-        [m.vertices[:, 1] for name, m in loaded.items() if name.split("_")[:-1] == ["Floor"]]
-    )
+    height = np.concatenate([mesh.vertices[:, 1] for mesh in floors(loaded)])
     assert 0.001 < np.percentile(np.abs(height), 68) < 0.02
     assert np.percentile(np.abs(height), 98) < 0.05
 
@@ -139,14 +139,9 @@ def test_floor_is_bumpy_but_walkable(loaded: dict[str, Any]) -> None:
 def test_nothing_is_hallucinated(loaded: dict[str, Any]) -> None:
     """Every scanned vertex is near the exact surface."""
     home = build_scene(np.random.default_rng(SEED), COARSE)
-    corners = home.shape.corners
-    area = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
-    rng = np.random.default_rng(0)
-    face = rng.choice(len(area), 900_000, p=area / area.sum())
-    weights = rng.dirichlet((1, 1, 1), len(face))
-    exact = KDTree(np.einsum("sk,ski->si", weights, corners[face]))
+    corners = home.shape.corners.reshape(-1, 3)
+    soup = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+    exact = KDTree(trimesh.sample.sample_surface(soup, 900_000, seed=0)[0])
     points = np.concatenate([m.vertices for m in loaded.values()])[::7]
     world = np.stack([points[:, 0], -points[:, 2], points[:, 1]], axis=-1)
     distance = exact.query(world)[0]

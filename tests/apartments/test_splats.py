@@ -46,10 +46,8 @@ def truth() -> TrueScene:
 def test_it_is_a_splat_file_with_labels_and_truth(capture: Path) -> None:
     assert splat_kind(capture / "scan.ply") == "PLY of 3D Gaussian splatting"
     assert "Apache-2.0" in read_splats(capture / "scan.ply").licence
-    names = {
-        o["category"] for o in json.loads((capture / "scan.labels.json").read_text())["objects"]
-    }
-    assert {"floor", "wall"} <= names
+    labels = json.loads((capture / "scan.labels.json").read_text())["objects"]
+    assert {"floor", "wall"} <= {o["category"] for o in labels}
     with np.load(capture / "truth.npz") as data:
         seen, floor = data["seen_mask"], data["floor_mask"]
     assert 0.6 < seen.sum() / floor.sum() < 0.99  # furniture hides some

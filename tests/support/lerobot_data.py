@@ -70,6 +70,19 @@ def load(root: Path, **options: Any) -> Any:
     return LeRobotDataset("vlnpe/test", root=root, **options)
 
 
+def assert_same_schemas(ours: Path, reference: Path) -> None:
+    """Assert that two datasets have the same info.json and types of rows; we have more columns."""
+    roots = (ours, reference)
+    rows = [pq.read_schema(root / "data/chunk-000/file-000.parquet") for root in roots]
+    assert rows[0].equals(rows[1])
+    hub = [json.loads((schema.metadata or {})[b"huggingface"])["info"] for schema in rows]
+    assert hub[0] == hub[1]
+    infos = [json.loads((root / "meta/info.json").read_text()) for root in roots]
+    assert infos[0] == infos[1]
+    episodes = [pq.read_schema(root / "meta/episodes/chunk-000/file-000.parquet") for root in roots]
+    assert episodes[0].names[: len(episodes[1])] == episodes[1].names
+
+
 def write_units(
     root: Path,
     seconds: Sequence[float],
@@ -92,10 +105,7 @@ def write_units(
 
 
 def write_reference(
-    root: Path,
-    seconds: Sequence[float],
-    frames_per_second: int = 4,
-    depth_storage: str = "video",
+    root: Path, seconds: Sequence[float], frames_per_second: int = 4, depth_storage: str = "video"
 ) -> None:
     """Write the dataset of `write_units` with LeRobot's own writer and the same encoders."""
     from lerobot.configs import DepthEncoderConfig, RGBEncoderConfig

@@ -70,11 +70,8 @@ def test_small_furniture_and_lamps_are_no_walls(unlabelled):
     def furnish(boxes: Obstacles) -> Obstacles:
         more = np.array([[2.0, 2.0, 0.4], [2.0, 2.0, 1.8], [6.0, 3.0, 0.9]])
         half = np.array([[0.6, 1.0, 0.4], [0.5, 0.5, 0.4], [0.1, 0.1, 0.9]])
-        return replace(
-            boxes,
-            center_m=np.vstack([boxes.center_m, more]),
-            half_m=np.vstack([boxes.half_m, half]),
-        )
+        center = np.vstack([boxes.center_m, more])
+        return replace(boxes, center_m=center, half_m=np.vstack([boxes.half_m, half]))
 
     after = region_map(cast(SceneBundle, Altered(unlabelled, furnish)), 0)
     assert np.array_equal(before.region, after.region)
@@ -85,9 +82,9 @@ def test_crossings_ignore_short_visits(two_rooms):
     peek = np.array([[1.0, 2.0, 0.0], [4.3, 2.0, 0.0], [1.0, 2.2, 0.0]])
     assert crossings(regions, peek) == []
     there = np.array([[1.0, 2.0, 0.0], [6.0, 2.0, 0.0], [1.0, 2.2, 0.0]])
-    found = crossings(regions, there)
-    assert [regions.names[c.to_region] for c in found] == ["living room", "kitchen"]
-    assert found[0].along_m == pytest.approx(3.0, abs=0.2)
+    steps = crossings(regions, there)
+    assert [regions.names[c.to_region] for c in steps] == ["living room", "kitchen"]
+    assert steps[0].along_m == pytest.approx(3.0, abs=0.2)
 
 
 def test_walls_thinner_than_a_cell_are_walls(unlabelled):

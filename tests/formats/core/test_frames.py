@@ -30,33 +30,36 @@ def test_habitat_positions_round_trip(p):
     )
 
 
-def test_habitat_axes():
-    up, forward = [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]
-    assert_allclose(frames.habitat_to_world_position(up), [0, 0, 1])
-    assert_allclose(frames.habitat_to_world_position(forward), [0, 1, 0])
+@pytest.mark.parametrize(
+    ("habitat", "world"),
+    [
+        ([0.0, 1.0, 0.0], [0, 0, 1]),  # up
+        ([0.0, 0.0, -1.0], [0, 1, 0]),  # ahead
+        # Matterport's camera at (x, y, z), height h above the floor: Habitat (x, z − h, −y).
+        ([3.0, 1.7 - 1.5, 2.0], [3.0, -2.0, 1.7 - 1.5]),
+    ],
+)
+def test_known_positions(habitat, world):
+    assert_allclose(frames.habitat_to_world_position(habitat), world)
+
+
+@pytest.mark.parametrize(
+    ("rotation_xyzw", "degrees"),
+    [
+        ([0, 0, 0, 1], 90),  # Habitat's identity looks along −z, which is world +y.
+        # R2R-CE val_unseen, episode 1: a turn of 60° about y, to which VLN-PE adds 90°.
+        ([0, 0.5, 0, 0.8660254], 150),
+    ],
+)
+def test_known_headings(rotation_xyzw, degrees):
+    yaw = frames.habitat_to_world_yaw(rotation_xyzw)
+    assert yaw == pytest.approx(np.deg2rad(degrees), abs=1e-6)
 
 
 @given(angles)
 def test_habitat_headings_round_trip(yaw):
     back = frames.habitat_to_world_yaw(frames.world_to_habitat_rotation(yaw))
     assert abs(frames.wrap_angle(back - yaw)) < 1e-9
-
-
-def test_habitat_identity_looks_along_minus_z_which_is_world_plus_y():
-    assert frames.habitat_to_world_yaw([0, 0, 0, 1]) == pytest.approx(np.pi / 2)
-
-
-def test_known_start_of_r2r_val_unseen_episode_1():
-    # start_rotation [0, 0.5, 0, 0.866] xyzw is a turn of 60° about y; VLN-PE adds 90°.
-    assert frames.habitat_to_world_yaw([0, 0.5, 0, 0.8660254]) == pytest.approx(
-        np.deg2rad(150), abs=1e-6
-    )
-
-
-def test_known_camera_pose_of_matterport():
-    # A camera at (x, y, z), height h above the floor: Habitat (x, z − h, −y).
-    x, y, z, h = 3.0, -2.0, 1.7, 1.5
-    assert_allclose(frames.habitat_to_world_position([x, z - h, -y]), [x, y, z - h])
 
 
 @given(quaternions)

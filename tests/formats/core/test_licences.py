@@ -31,8 +31,7 @@ def test_a_licence_is_recognised_by_name_or_text(text: str, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scan", "name"),
-    [("quest", "mit"), ("room_scan1", "bsd-3-clause"), ("small_house", "mit-0")],
+    ("scan", "name"), [("quest", "mit"), ("room_scan1", "bsd-3-clause"), ("small_house", "mit-0")]
 )
 def test_licence_files_of_real_scans(shared_scenes: Path, scan: str, name: str) -> None:
     assert licence_id((shared_scenes / f"LICENSE.{scan}").read_text()) == name

@@ -45,7 +45,7 @@ def lines_in_a_pipe(short_s: float) -> dict[str, list[list[str]]]:
 
 def test_a_pipe_gets_one_line_for_a_short_step() -> None:
     by_name = lines_in_a_pipe(short_s=1000.0)
-    counts = {name: [words[2] for words in found] for name, found in by_name.items()}
+    counts = {name: [words[2] for words in lines] for name, lines in by_name.items()}
     assert counts == {
         "walk": ["5000/5000"],
         "short": ["3/3"],
@@ -58,15 +58,15 @@ def test_a_pipe_gets_one_line_for_a_short_step() -> None:
 
 def test_a_long_step_is_named_before_its_first_item_is_done(monkeypatch, capsys) -> None:
     monkeypatch.setattr(progress, "SHORT_S", 0.01)
-    said = ""
+    output = ""
     with progress.progress_bar("repair", 2) as bar:
         for _ in range(1000):
-            if said := said + capsys.readouterr().err:
+            if output := output + capsys.readouterr().err:
                 break
             time.sleep(0.01)
         bar.update(2)
-    said += capsys.readouterr().err
-    assert [line.split()[2] for line in said.splitlines()] == ["0/2", "2/2"]
+    output += capsys.readouterr().err
+    assert [line.split()[2] for line in output.splitlines()] == ["0/2", "2/2"]
 
 
 def test_a_pipe_gets_a_line_per_tenth() -> None:

@@ -43,17 +43,17 @@ def test_threads_start_no_threads() -> None:
 
 
 def test_items_are_drawn_only_a_few_ahead() -> None:
-    drawn: list[int] = []
+    taken: list[int] = []
 
     def items() -> Iterator[int]:
         for item in range(100):
-            drawn.append(item)
+            taken.append(item)
             yield item
 
     with allow_threads(2):
         results = in_order(lambda item: item, items())
         next(results)
-        assert len(drawn) <= 4
+        assert len(taken) <= 4
         results.close()
 
 
@@ -91,12 +91,12 @@ def test_an_error_beside_waits_for_what_was_begun() -> None:
 
 
 def test_the_next_item_is_made_while_the_caller_works() -> None:
-    made: list[int] = []
+    begun: list[int] = []
     second = threading.Event()
 
     def items() -> Iterator[int]:
         for item in range(5):
-            made.append(item)
+            begun.append(item)
             if item == 1:
                 second.set()
             yield item
@@ -106,7 +106,7 @@ def test_the_next_item_is_made_while_the_caller_works() -> None:
     assert next(results) == 0
     assert second.wait(5), "the caller has the first item alone"
     results.close()  # the thread ends with it
-    assert made == [0, 1] and len(waits) == 1
+    assert begun == [0, 1] and len(waits) == 1
     assert list(made_ahead(iter(range(50)))) == list(range(50))
 
 

@@ -39,18 +39,6 @@ def only_default_codecs(root: Path) -> None:
         pytest.skip("done once, with the default codecs")
 
 
-def command(name: str, *arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run a command of an installed package."""
-    return subprocess.run(
-        [str(Path(sys.executable).with_name(name)), *map(str, arguments)],
-        cwd=cwd,
-        env=ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-
-
 def test_lerobot_aggregates_two_of_ours(datasets: list[Path], tmp_path: Path) -> None:
     from lerobot.datasets.aggregate import aggregate_datasets
 
@@ -61,9 +49,8 @@ def test_lerobot_aggregates_two_of_ours(datasets: list[Path], tmp_path: Path) ->
     assert len(both) == sum(map(len, parts))
     for part, offset in zip(parts, (0, len(parts[0])), strict=True):
         for i in (0, len(part) // 2, len(part) - 1):
-            one, same = part[i], both[offset + i]
             for key in (RGB, DEPTH, "action", "observation.state"):
-                np.testing.assert_array_equal(same[key], one[key], err_msg=key)
+                np.testing.assert_array_equal(both[offset + i][key], part[i][key], err_msg=key)
     first, all_ = parts[0].meta.stats["action"], both.meta.stats["action"]
     assert (all_["max"] >= first["max"]).all() and all_["count"] == [len(both)]
 
@@ -83,10 +70,8 @@ def test_windows_come_through_spawned_workers(datasets: list[Path]) -> None:
         for row, index in enumerate(batch["index"].tolist()):
             padded = batch["action_is_pad"][row].numpy()
             for k in range(4):
-                there = padded[k] or np.array_equal(
-                    batch["action"][row, k], plain[index + k]["action"]
-                )
-                assert there, (index, k)
+                expected = batch["action"][row, k] if padded[k] else plain[index + k]["action"]
+                assert np.array_equal(batch["action"][row, k], expected), (index, k)
         seen += len(batch["index"])
     assert seen == len(plain)
 
@@ -104,13 +89,8 @@ def test_streaming_reads_all_frames(datasets: list[Path], monkeypatch: pytest.Mo
 
         monkeypatch.setattr(streaming_dataset, "decode_video_frames_torchcodec", decode)
     deltas: Any = {"action": [0.0, 0.25]}  # LeRobot declares other types than it reads
-    stream = streaming_dataset.StreamingLeRobotDataset(
-        "vlnpe/test",
-        root=datasets[1],
-        shuffle=False,
-        delta_timestamps=deltas,
-        depth_output_unit="m",
-    )
+    options: Any = {"shuffle": False, "delta_timestamps": deltas, "depth_output_unit": "m"}
+    stream = streaming_dataset.StreamingLeRobotDataset("vlnpe/test", root=datasets[1], **options)
     plain = load(datasets[1], depth_output_unit="m")
     seen = []
     for item in stream:
@@ -124,15 +104,12 @@ def test_streaming_reads_all_frames(datasets: list[Path], monkeypatch: pytest.Mo
 
 
 def test_lerobot_doctor_finds_no_fault(datasets: list[Path], tmp_path: Path) -> None:
-    done = command("lerobot-doctor", "check", "--ci", datasets[0], cwd=tmp_path)
+    doctor = [Path(sys.executable).with_name("lerobot-doctor"), "check", "--ci", datasets[0]]
+    done = subprocess.run(doctor, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
-    found = json.loads(done.stdout[done.stdout.index("{") : done.stdout.rindex("}") + 1])
-    assert found["summary"]["FAIL"] == 0
-    passed = {check["name"] for check in found["checks"] if check["severity"] == "PASS"}
+    report = json.loads(done.stdout[done.stdout.index("{") : done.stdout.rindex("}") + 1])
+    assert report["summary"]["FAIL"] == 0
+    passed = {check["name"] for check in report["checks"] if check["severity"] == "PASS"}
     # It warns of what made-up walks are: short, with noise for joints.
-    assert passed >= {
-        "Metadata & Format Compliance",
-        "Temporal Consistency",
-        "Video Integrity",
-        "Feature Consistency",
-    }
+    assert passed >= {"Metadata & Format Compliance", "Temporal Consistency"}
+    assert passed >= {"Video Integrity", "Feature Consistency"}

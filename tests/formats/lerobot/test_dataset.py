@@ -2,6 +2,9 @@
 
 import json
 import shutil
+import subprocess
+import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +20,7 @@ from tests.support.lerobot_data import (
     DEPTH,
     RANGE,
     RGB,
+    assert_same_schemas,
     load,
     write_reference,
     write_unit,
@@ -105,27 +109,18 @@ def test_one_episode_can_be_selected(ours: Path) -> None:
 
 
 def test_rows_and_schemas_equal_lerobots(ours: Path, reference: Path) -> None:
-    data = "data/chunk-000/file-000.parquet"
+    assert_same_schemas(ours, reference)
+    data, tasks = "data/chunk-000/file-000.parquet", "meta/tasks.parquet"
     our_file, theirs = pq.ParquetFile(ours / data), pq.ParquetFile(reference / data)
-    assert our_file.schema_arrow.equals(theirs.schema_arrow)
-    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (our_file, theirs)]
-    assert hub[0]["info"] == hub[1]["info"]
     assert our_file.num_row_groups == theirs.num_row_groups
     assert our_file.read().equals(theirs.read())
-    tasks = "meta/tasks.parquet"
     assert pq.read_table(ours / tasks).equals(pq.read_table(reference / tasks))
-
-
-def test_info_equals_lerobots(ours: Path, reference: Path) -> None:
-    our_info, theirs = (json.loads((p / "meta/info.json").read_text()) for p in (ours, reference))
-    assert our_info == theirs
 
 
 def test_episodes_equal_lerobots_but_for_more_columns(ours: Path, reference: Path) -> None:
     path = "meta/episodes/chunk-000/file-000.parquet"
     our_table, theirs = pq.read_table(ours / path), pq.read_table(reference / path)
     own = our_table.schema.names[len(theirs.schema.names) :]
-    assert our_table.schema.names[: len(theirs.schema.names)] == theirs.schema.names
     assert "end_reason" in own and "reference_path_world_m" in own
     for name in theirs.schema.names:
         assert our_table.schema.field(name).equals(theirs.schema.field(name)), name
@@ -160,8 +155,8 @@ def tolerance(name: str, value: Any) -> float:
 def test_frames_equal_those_lerobot_encodes(ours: Path, reference: Path) -> None:
     our_data, theirs = load(ours), load(reference)
     for i in (0, 5, 13, 14, 20, 41):
-        np.testing.assert_array_equal(our_data[i][RGB], theirs[i][RGB])
-        np.testing.assert_array_equal(our_data[i][DEPTH], theirs[i][DEPTH])
+        for key in (RGB, DEPTH):
+            np.testing.assert_array_equal(our_data[i][key], theirs[i][key])
 
 
 @pytest.mark.parametrize(("joints", "feet"), [(29, 2), (0, 0)])
@@ -179,12 +174,10 @@ def test_lerobot_reads_every_sensor_of_any_body_by_name(
             *(f"joint_{k:02d}_position_rad" for k in range(29)),
             *(f"joint_{k:02d}_velocity_rad_s" for k in range(29)),
         ]
-        read = item["observation.joints"].numpy()
-        np.testing.assert_array_equal(read[:29], rollout.joint_position_rad[sample].astype("f4"))
-        assert features["observation.foot_contact"]["names"] == [
-            "left_foot_contact_0_or_1",
-            "right_foot_contact_0_or_1",
-        ]
+        joint = item["observation.joints"].numpy()
+        np.testing.assert_array_equal(joint[:29], rollout.joint_position_rad[sample].astype("f4"))
+        names = features["observation.foot_contact"]["names"]
+        assert names == ["left_foot_contact_0_or_1", "right_foot_contact_0_or_1"]
         touching = item["observation.foot_contact"].numpy()
         np.testing.assert_array_equal(touching, rollout.foot_contact[sample])
     np.testing.assert_array_equal(item["observation.imu"], rollout.imu[sample].astype("f4"))
@@ -260,8 +253,8 @@ def test_scenes_are_in_one_split_only(tmp_path: Path) -> None:
     scene_of = table["scene_id"].to_pylist()
     labels = table["split"].to_pylist()
     assert all(labels[i] == name for name, numbers in splits.items() for i in numbers)
-    found = {name: {scene_of[i] for i in numbers} for name, numbers in splits.items()}
-    assert found["val"] == held_out and not found["train"] & found["val"]
+    scenes_of = {name: {scene_of[i] for i in numbers} for name, numbers in splits.items()}
+    assert scenes_of["val"] == held_out and not scenes_of["train"] & scenes_of["val"]
     assert splits["val_unseen"] == [7]
     card = (tmp_path / "set/README.md").read_text()
     assert '"mit-and-mit-0-and-unknown"' in card and "| scene-1 | mit-0 |" in card
@@ -286,20 +279,18 @@ def test_small_files_split_and_times_stay_exact(tmp_path: Path, rate: int) -> No
     assemble_dataset(units, tmp_path / "set", limits=limits, **ASSEMBLY)
     videos = sorted((tmp_path / "set" / "videos" / RGB).rglob("*.mp4"))
     assert len(videos) > 2
-    assert videos[2].relative_to(tmp_path / "set" / "videos" / RGB).as_posix() == (
-        "chunk-001/file-000.mp4"
-    )
+    assert videos[2].as_posix().endswith(f"videos/{RGB}/chunk-001/file-000.mp4")
     assert len(list((tmp_path / "set" / "data").rglob("*.parquet"))) > 1
     whole = tmp_path / "whole"
     assemble_dataset(units, whole, **ASSEMBLY)
-    split, one = load(tmp_path / "set"), load(whole)
-    assert len(split) == len(one) == 6 * (rate + 1)
+    split, single = load(tmp_path / "set"), load(whole)
+    assert len(split) == len(single) == 6 * (rate + 1)
     # The frames of an episode lie in files of different numbers, which readers have mixed up.
     files = [split.meta.episodes[f"{part}/file_index"] for part in PARTS]
     assert len({tuple(numbers) for numbers in files}) == len(PARTS)
-    for i in range(0, len(one), 1 if rate == 4 else 7):
+    for i in range(0, len(single), 1 if rate == 4 else 7):
         for key in (RGB, DEPTH, "action", "index", "timestamp"):
-            np.testing.assert_array_equal(split[i][key], one[i][key])
+            np.testing.assert_array_equal(split[i][key], single[i][key])
 
 
 @pytest.mark.parametrize("writer", ["vlnpe", "lerobot"])
@@ -350,10 +341,8 @@ def streamed_as_loaded(root: Path, monkeypatch: pytest.MonkeyPatch) -> list[bool
 
 def test_statistics_from_decoded_videos_agree_with_counted_ones(tmp_path: Path) -> None:
     rollout = make_rollout(3.0)
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    counted = read_episode_unit(write_unit(tmp_path / "a", rollout)).statistics
-    decoded = read_episode_unit(write_unit(tmp_path / "b", rollout, counted=False)).statistics
+    counted = read_episode_unit(write_unit(tmp_path, rollout)).statistics
+    decoded = read_episode_unit(write_unit(tmp_path, rollout, counted=False)).statistics
     np.testing.assert_allclose(counted[RGB]["mean"], decoded[RGB]["mean"], atol=2 / 255)
     for name in ("mean", "std", "min", "max", "q10", "q50"):
         np.testing.assert_array_equal(counted[DEPTH][name], decoded[DEPTH][name])
@@ -371,38 +360,31 @@ def test_large_images_are_thinned_as_lerobot_does(tmp_path: Path) -> None:
         np.testing.assert_allclose(stats[name] * 255, theirs[name][0], atol=0.1, err_msg=name)
 
 
+def halve(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def rename_robot(index: Path) -> None:
+    index.write_text(index.read_text().replace('"robot": "aliengo"', '"robot": "h1"', 1))
+
+
 @pytest.mark.parametrize(
-    ("damage", "reason"),
+    ("name", "damage", "reason"),
     [
-        ("no index", "unit.json"),
-        ("half an index", "not JSON"),
-        ("no video", "missing"),
-        ("half a video", "rgb"),
-        ("half the rows", "not readable"),
-        ("another robot", "robot differs"),
+        ("unit.json", Path.unlink, "unit.json"),
+        ("unit.json", halve, "not JSON"),
+        (f"{RGB}.mp4", Path.unlink, "missing"),
+        (f"{RGB}.mp4", halve, "rgb"),
+        ("rows.parquet", halve, "not readable"),
+        ("unit.json", rename_robot, "robot differs"),
     ],
 )
 def test_damaged_units_are_named_and_nothing_is_left(
-    units: list[Path], tmp_path: Path, damage: str, reason: str
+    units: list[Path], tmp_path: Path, name: str, damage: Callable[[Path], None], reason: str
 ) -> None:
     bad = tmp_path / "bad"
     shutil.copytree(units[2], bad)
-    index = bad / "unit.json"
-    match damage:
-        case "no index":
-            index.unlink()
-        case "half an index":
-            index.write_text(index.read_text()[:1000])
-        case "no video":
-            (bad / f"{RGB}.mp4").unlink()
-        case "half a video":
-            video = (bad / f"{RGB}.mp4").read_bytes()
-            (bad / f"{RGB}.mp4").write_bytes(video[: len(video) // 2])
-        case "half the rows":
-            rows = (bad / "rows.parquet").read_bytes()
-            (bad / "rows.parquet").write_bytes(rows[: len(rows) // 2])
-        case "another robot":
-            index.write_text(index.read_text().replace('"robot": "aliengo"', '"robot": "h1"', 1))
+    damage(bad / name)
     out = tmp_path / "out" / "dataset"
     with pytest.raises(FileFormatError, match=reason):
         assemble_dataset([units[0], bad], out, **ASSEMBLY)
@@ -424,9 +406,6 @@ def test_a_failed_assembly_keeps_the_dataset_before(units: list[Path], tmp_path:
 
 
 def test_the_core_needs_neither_torch_nor_lerobot() -> None:
-    import subprocess
-    import sys
-
     code = (
         "import sys, vlnpe.formats.lerobot;"
         "print([m for m in ('torch', 'lerobot', 'datasets', 'pandas') if m in sys.modules])"

@@ -15,6 +15,7 @@ from tests.support.lerobot_data import (
     DEPTH,
     RANGE,
     RGB,
+    assert_same_schemas,
     load,
     stored,
     write_reference,
@@ -51,14 +52,7 @@ def reference(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_schemas_and_info_equal_lerobots(ours: Path, reference: Path) -> None:
-    our_file, theirs = pq.ParquetFile(ours / DATA), pq.ParquetFile(reference / DATA)
-    assert our_file.schema_arrow.equals(theirs.schema_arrow)
-    hub = [json.loads((p.schema_arrow.metadata or {})[b"huggingface"]) for p in (our_file, theirs)]
-    assert hub[0]["info"] == hub[1]["info"]
-    infos = [json.loads((p / "meta/info.json").read_text()) for p in (ours, reference)]
-    assert infos[0] == infos[1]
-    names = pq.read_schema(reference / EPISODES).names
-    assert pq.read_schema(ours / EPISODES).names[: len(names)] == names
+    assert_same_schemas(ours, reference)
     assert not (ours / "videos" / DEPTH).exists()
 
 
@@ -69,7 +63,7 @@ def test_rows_equal_lerobots_and_images_to_the_millimetre(ours: Path, reference:
     assert our_table.drop([DEPTH]).equals(theirs.drop([DEPTH]))
     for a, b in zip(our_table[DEPTH].to_pylist(), theirs[DEPTH].to_pylist(), strict=True):
         assert a["path"] == b["path"]
-        images = [Image.open(io.BytesIO(one["bytes"])) for one in (a, b)]
+        images = [Image.open(io.BytesIO(row["bytes"])) for row in (a, b)]
         assert images[0].mode == images[1].mode == "I;16"
         np.testing.assert_array_equal(np.array(images[0]), np.array(images[1]))
 
@@ -118,12 +112,8 @@ def test_another_way_to_keep_depth_is_refused(tmp_path: Path) -> None:
 
 
 def test_units_with_and_without_images_do_not_mix(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-    units = [
-        write_unit(tmp_path / "a", make_rollout(1.0), depth_storage="image"),
-        write_unit(tmp_path / "b", make_rollout(1.0)),
-    ]
+    image = write_unit(tmp_path, make_rollout(1.0), 0, depth_storage="image")
+    units = [image, write_unit(tmp_path, make_rollout(1.0), 1)]
     with pytest.raises(FileFormatError, match="features differs"):
         assemble_dataset(units, tmp_path / "set", **ASSEMBLY)
 
@@ -149,10 +139,13 @@ def test_broken_tiffs_are_refused(data: bytes) -> None:
 
 
 def test_depth_reads_back_the_same_from_images_and_videos(tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-    image = read_episode_unit(write_unit(tmp_path / "a", make_rollout(2.0), depth_storage="image"))
-    video = read_episode_unit(write_unit(tmp_path / "b", make_rollout(2.0)))
+    images = make_images(9, 0)
+    image, video = (
+        read_episode_unit(
+            write_unit(tmp_path, make_rollout(2.0), k, images=images, depth_storage=s)
+        )
+        for k, s in enumerate(("image", "video"))
+    )
     for a, b in zip(image.depth_m([0, 3, 8]), video.depth_m([0, 3, 8]), strict=True):
         np.testing.assert_allclose(a, b, atol=5.1e-4)
 

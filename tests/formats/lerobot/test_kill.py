@@ -72,7 +72,7 @@ def test_killed_at_any_moment_it_goes_on_to_the_same_dataset(tmp_path: Path, see
     assert finish(start(whole))[-1] == "done"
     seconds = time.perf_counter() - started
     rng = np.random.default_rng(seed)
-    kept: dict[str, str] = {}
+    before: dict[str, str] = {}
     for wait in rng.uniform(0.0, 0.3 * seconds, KILLS):
         child = start(broken)
         time.sleep(wait)
@@ -82,11 +82,11 @@ def test_killed_at_any_moment_it_goes_on_to_the_same_dataset(tmp_path: Path, see
         for unit in units:
             assert read_episode_unit(unit).rows().num_rows == 9  # whole, or not there
         now = {unit.name: str(digests(unit)) for unit in units}
-        assert kept.items() <= now.items()
-        kept = now
+        assert before.items() <= now.items()
+        before = now
         assert not (broken / "set").exists() or digests(broken / "set") == digests(whole / "set")
     output = finish(start(broken))
-    assert output[-1] == "done" and not set(output) & kept.keys()
+    assert output[-1] == "done" and not set(output) & before.keys()
     assert digests(broken / "set") == digests(whole / "set")
     left = list(broken.rglob(f"{TEMPORARY_PREFIX}*"))
     assert left == []

@@ -32,6 +32,12 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return root
 
 
+def run(words: list[str], folder: Path, **variables: str) -> subprocess.CompletedProcess[str]:
+    env = {k: v for k, v in os.environ.items() if not k.startswith("HF_")}
+    env |= {"HF_HUB_OFFLINE": "1", "OMP_NUM_THREADS": "1", **variables}
+    return subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True)
+
+
 def command_in(text: str) -> list[str]:
     """The only shell command of a Markdown text that trains."""
     (block,) = re.findall(r"```sh\n([^`]*lerobot-train [^`]*)```", text)
@@ -49,22 +55,10 @@ def test_the_documented_command_trains(dataset: Path, tmp_path: Path, policy: st
     options |= {"--dataset.root": str(dataset), "--output_dir": str(tmp_path / "out")}
     options |= {f"--policy.{k}": v for k, v in (o.split("=") for o in BRIEF[policy].split())}
     options |= {"--batch_size": "2", "--steps": "2", "--num_workers": "0", "--log_freq": "1"}
-    done = subprocess.run(
-        [
-            str(Path(sys.executable).with_name("lerobot-train")),
-            *(f"{key}={value}" for key, value in options.items()),
-        ],
-        cwd=tmp_path,
-        env={
-            **{k: v for k, v in os.environ.items() if not k.startswith("HF_")},
-            "HF_HOME": str(tmp_path / "empty"),  # no weights, no data of others
-            "HF_HUB_OFFLINE": "1",
-            "OMP_NUM_THREADS": "1",
-        },
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    trainer = str(Path(sys.executable).with_name("lerobot-train"))
+    words = [trainer, *(f"{key}={value}" for key, value in options.items())]
+    # No weights and no data of others.
+    done = run(words, tmp_path, HF_HOME=str(tmp_path / "empty"))
     output = done.stdout + done.stderr
     assert done.returncode == 0, output[-3000:]
     assert "End of training" in output
@@ -87,13 +81,6 @@ def test_the_documented_code_loads(dataset: Path, tmp_path: Path) -> None:
         code = re.sub(r'"runs/[^"]*"', repr(str(dataset)), code)
         code = code.replace('"user/name",', f'"user/name", root={str(dataset)!r},')
         code += 'assert frame["observation.images.depth"].max() < 21, "metres"\n'
-        done = subprocess.run(
-            [sys.executable, "-c", code],
-            cwd=tmp_path,
-            env={**os.environ, "HF_HUB_OFFLINE": "1"},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
+        done = run([sys.executable, "-c", code], tmp_path)
         assert done.returncode == 0, done.stderr[-2000:]
         assert "Traceback" not in done.stderr and "torchcodec" not in done.stderr, done.stderr

@@ -2,17 +2,18 @@
 
 import json
 import re
+import shutil
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import av
 import numpy as np
 import pytest
-from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from mcap.reader import make_reader
 
-from tests.formats.mcap.test_rollout import assert_same
+from tests.formats.mcap.test_rollout import assert_same, message_type
 from tests.support.rollouts import make_frames, make_images, make_rollout, with_body
 from vlnpe.formats.core.camera import CameraModel, DepthRange
 from vlnpe.formats.core.errors import FileFormatError
@@ -31,6 +32,13 @@ from vlnpe.formats.video.mp4 import read_rgb_video, write_depth_video, write_rgb
 LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "reference" / "foxglove_layout.json"
 CAMERA = CameraModel("front", 96, 64, 90.0)
 RANGE = DepthRange(0.05, 20.0)
+META = {
+    "camera": {"name": "front", "width_px": 96, "height_px": 64, "hfov_deg": 90.0},
+    "depth": {"file": "depth.mp4", "near_m": RANGE.near_m, "far_m": RANGE.far_m},
+    "rgb": {"file": "rgb.mp4", "codec": "h264"},
+    "frames_per_second": 4,
+    "light": "baked",
+}
 OFFICIAL = {
     "/tf": "FrameTransforms",
     "/camera/tf": "FrameTransforms",
@@ -73,13 +81,7 @@ def write_frame_folder(folder: Path, rollout: Rollout, rate: int = 4, codec: str
     write_rgb_video(folder / "rgb.mp4", rgb, rate, codec)
     write_depth_video(folder / "depth.mp4", depth, rate, RANGE)
     np.savez(folder / "frames.npz", **frames)  # pyright: ignore[reportArgumentType]
-    meta = {
-        "camera": {"name": "front", "width_px": 96, "height_px": 64, "hfov_deg": 90.0},
-        "depth": {"file": "depth.mp4", "near_m": RANGE.near_m, "far_m": RANGE.far_m},
-        "rgb": {"file": "rgb.mp4", "codec": codec},
-        "frames_per_second": rate,
-        "light": "baked",
-    }
+    meta = META | {"rgb": {"file": "rgb.mp4", "codec": codec}, "frames_per_second": rate}
     (folder / "meta.json").write_text(json.dumps(meta))
 
 
@@ -87,9 +89,8 @@ def decode(path: Path) -> dict[str, list[tuple[int, Any]]]:
     """Every topic's (log time, message), decoded by each file's own schemas."""
     result = defaultdict(list)
     with path.open("rb") as file:
-        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages(
-            log_time_order=False
-        ):
+        reader = make_reader(file, validate_crcs=True)
+        for schema, channel, message in reader.iter_messages(log_time_order=False):
             assert schema is not None
             if channel.message_encoding == "json":
                 value = json.loads(message.data)
@@ -97,13 +98,6 @@ def decode(path: Path) -> dict[str, list[tuple[int, Any]]]:
                 value = message_type(schema.name, schema.data).FromString(message.data)
             result[channel.topic].append((message.log_time, value))
     return result
-
-
-def message_type(name: str, definition: bytes) -> Any:
-    pool = descriptor_pool.DescriptorPool()
-    for file in descriptor_pb2.FileDescriptorSet.FromString(definition).file:
-        pool.Add(file)
-    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
 
 
 @pytest.fixture(scope="module")
@@ -174,12 +168,8 @@ def test_depth_is_whole_millimetres(written: tuple[Path, Rollout, Path]) -> None
     _, depth = make_images(len(messages))
     for (at, message), truth, k in zip(messages, depth, range(21), strict=True):
         assert at == k * 250_000_000
-        assert (message.encoding, message.width, message.height, message.step) == (
-            "16UC1",
-            96,
-            64,
-            192,
-        )
+        layout = (message.encoding, message.width, message.height, message.step)
+        assert layout == ("16UC1", 96, 64, 192)
         image = np.frombuffer(message.data, "<u2").reshape(64, 96)
         np.testing.assert_allclose(image / 1000, truth, atol=0.004)
         assert np.all(image[:6, :6] == 0)
@@ -206,11 +196,8 @@ def test_transforms_chain_from_world_to_camera(written: tuple[Path, Rollout, Pat
         turn = rotation(base.rotation)
         position = turn @ [c.x, c.y, c.z] + [b.x, b.y, b.z]
         np.testing.assert_allclose(position, frames["camera_position_world_m"][i], atol=1e-9)
-        np.testing.assert_allclose(
-            turn @ rotation(camera.rotation),
-            quat_to_matrix(frames["camera_quat_wxyz"][i]),
-            atol=1e-9,
-        )
+        axes = quat_to_matrix(frames["camera_quat_wxyz"][i])
+        np.testing.assert_allclose(turn @ rotation(camera.rotation), axes, atol=1e-9)
 
 
 def test_calibration_joints_commands_actions_events_plan(
@@ -324,41 +311,30 @@ def test_the_layout_shows_only_what_exists(written: tuple[Path, Rollout, Path]) 
     assert {"/camera/rgb", "/camera/depth", "/plan", "/state", "/command", "/events"} <= shown
 
 
-@pytest.mark.parametrize(
-    ("damage", "reason"),
-    [
-        ("no folder", "meta.json is missing"),
-        ("no poses", "frames.npz is missing"),
-        ("half a meta", "damaged"),
-        ("no codec", "damaged"),
-        ("short video", r"rgb\.mp4: 3 frames"),
-        ("cut video", r"depth\.mp4"),
-        ("other rollout", "do not belong to this rollout"),
-    ],
-)
-def test_damaged_frames_are_named_and_nothing_is_left(
-    tmp_path: Path, damage: str, reason: str
-) -> None:
-    rollout = make_rollout(2.0)
-    folder = tmp_path / "frames"
-    write_frame_folder(folder, rollout)
-    meta = folder / "meta.json"
-    match damage:
-        case "no folder":
-            folder = tmp_path / "none"
-        case "no poses":
-            (folder / "frames.npz").unlink()
-        case "half a meta":
-            meta.write_text(meta.read_text()[:80])
-        case "no codec":
-            meta.write_text(json.dumps(json.loads(meta.read_text()) | {"rgb": {}}))
-        case "short video":
-            write_rgb_video(folder / "rgb.mp4", make_images(3)[0], 4)
-        case "cut video":
-            video = (folder / "depth.mp4").read_bytes()
-            (folder / "depth.mp4").write_bytes(video[:5000])
-        case "other rollout":
-            rollout = make_rollout(1.0)
+def cut(path: Path, size: int) -> None:
+    path.write_bytes(path.read_bytes()[:size])
+
+
+DAMAGES: dict[str, tuple[Callable[[Path], Any], str]] = {
+    "no folder": (shutil.rmtree, "meta.json is missing"),
+    "no poses": (lambda f: (f / "frames.npz").unlink(), "frames.npz is missing"),
+    "half a meta": (lambda f: cut(f / "meta.json", 80), "damaged"),
+    "no codec": (lambda f: (f / "meta.json").write_text(json.dumps(META | {"rgb": {}})), "damaged"),
+    "short video": (
+        lambda f: write_rgb_video(f / "rgb.mp4", make_images(3)[0], 4),
+        r"rgb\.mp4: 3 frames",
+    ),
+    "cut video": (lambda f: cut(f / "depth.mp4", 5000), r"depth\.mp4"),
+    "other rollout": (lambda f: None, "do not belong to this rollout"),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_damaged_frames_are_named_and_nothing_is_left(tmp_path: Path, damage: str) -> None:
+    folder, (change, reason) = tmp_path / "frames", DAMAGES[damage]
+    write_frame_folder(folder, make_rollout(2.0))
+    change(folder)
+    rollout = make_rollout(1.0 if damage == "other rollout" else 2.0)
     with pytest.raises(FileFormatError, match=reason):
         write_episode_mcap(tmp_path / "out" / "a.mcap", rollout, folder)
     assert not (tmp_path / "out").exists() or list((tmp_path / "out").iterdir()) == []

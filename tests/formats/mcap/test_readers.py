@@ -19,23 +19,10 @@ from vlnpe.formats.mcap.shown import map_topic
 
 SCRIPT = Path(__file__).parents[2] / "support" / "read_mcap.js"
 PACKAGES = ("@mcap/core", "fzstd")
-TOPICS = {
-    "/map": 1,
-    "/plan": 1,
-    "/state": 401,
-    "/tf": 81,
-    "/base/pose": 81,
-    "/joint_states": 81,
-    "/command": 81,
-    "/imu": 81,
-    "/foot_contact": 81,
-    "/action": 17,
-    "/camera/tf": 17,
-    "/camera/calibration": 17,
-    "/camera/rgb": 17,
-    "/camera/depth": 17,
-    "/events": 3,
-}
+TOPICS = {"/map": 1, "/plan": 1, "/state": 401, "/action": 17, "/events": 3}
+SHOWN = ("/tf", "/base/pose", "/joint_states", "/command", "/imu", "/foot_contact")
+TOPICS |= dict.fromkeys(SHOWN, 81)
+TOPICS |= {f"/camera/{name}": 17 for name in ("tf", "calibration", "rgb", "depth")}
 
 
 @pytest.fixture(scope="module")
@@ -63,20 +50,17 @@ def test_every_record_is_indexed_and_has_a_checksum(written: Path) -> None:
     indexed = set().union(*(index.message_index_offsets for index in summary.chunk_indexes))
     assert indexed == set(summary.channels)
     assert [a.name for a in summary.attachment_indexes] == ["frames.npz"]
-    assert sorted(m.name for m in summary.metadata_indexes) == [
-        "vlnpe.instruction",
-        "vlnpe.rollout",
-        "vlnpe.view",
-    ]
+    metadata = sorted(m.name for m in summary.metadata_indexes)
+    assert metadata == ["vlnpe.instruction", "vlnpe.rollout", "vlnpe.view"]
     assert summary.statistics.message_count == sum(TOPICS.values())
 
 
 def test_a_time_range_of_one_topic_is_found_by_the_index(written: Path) -> None:
     with written.open("rb") as file:
-        found = make_reader(file, validate_crcs=True).iter_messages(
+        content = make_reader(file, validate_crcs=True).iter_messages(
             "/camera/rgb", starting_at=1_000_000_000, ending_before=2_000_000_000
         )
-        times = [message.log_time for *_, message in found]
+        times = [message.log_time for *_, message in content]
     assert times == [1_000_000_000 + 250_000_000 * k for k in range(4)]
 
 
@@ -111,15 +95,15 @@ def read_by_node(path: Path, environment: dict[str, str]) -> subprocess.Complete
 def test_npms_reader_finds_the_same(written: Path, node: dict[str, str]) -> None:
     done = read_by_node(written, node)
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    assert found["done"] and found["ordered"]
-    assert found["topics"] == TOPICS
-    assert found["compressions"] == ["zstd"]
-    assert found["attachments"]["frames.npz"] > 0
-    rollout = json.loads(found["metadata"]["vlnpe.rollout"]["json"])
-    assert rollout["episode"]["instruction"] == found["metadata"]["vlnpe.instruction"]["text"]
-    assert found["records"]["Message"] == sum(TOPICS.values())
-    assert found["records"]["ChunkIndex"] == found["records"]["Chunk"]
+    content: dict[str, Any] = json.loads(done.stdout)
+    assert content["done"] and content["ordered"]
+    assert content["topics"] == TOPICS
+    assert content["compressions"] == ["zstd"]
+    assert content["attachments"]["frames.npz"] > 0
+    rollout = json.loads(content["metadata"]["vlnpe.rollout"]["json"])
+    assert rollout["episode"]["instruction"] == content["metadata"]["vlnpe.instruction"]["text"]
+    assert content["records"]["Message"] == sum(TOPICS.values())
+    assert content["records"]["ChunkIndex"] == content["records"]["Chunk"]
 
 
 def test_npms_reader_notices_a_flipped_bit(

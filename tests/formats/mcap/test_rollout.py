@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -17,6 +18,8 @@ from tests.support.rollouts import make_rollout
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.mcap.rollout import read_rollout, write_rollout
+
+SHARED_FOLDER = settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def assert_same(a: object, b: object) -> None:
@@ -33,6 +36,14 @@ def assert_same(a: object, b: object) -> None:
         assert a == b
 
 
+def message_type(name: str, definition: bytes) -> Any:
+    """Return the class of a message that a file's schema describes."""
+    pool = descriptor_pool.DescriptorPool()
+    for file in descriptor_pb2.FileDescriptorSet.FromString(definition).file:
+        pool.Add(file)
+    return message_factory.GetMessageClass(pool.FindMessageTypeByName(name))
+
+
 @pytest.mark.parametrize("discrete", [False, True])
 def test_a_rollout_comes_back_exactly(tmp_path: Path, discrete: bool) -> None:
     rollout = make_rollout(5.0, 3, discrete=discrete, fall=True)
@@ -42,9 +53,7 @@ def test_a_rollout_comes_back_exactly(tmp_path: Path, discrete: bool) -> None:
     back.position_world_m[0] = 1.0  # arrays are the caller's own
 
 
-@settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(SHARED_FOLDER, max_examples=25)
 @given(data=st.data(), joints=st.integers(0, 40), feet=st.integers(0, 5))
 def test_any_numbers_come_back_exactly(
     tmp_path: Path, data: st.DataObject, joints: int, feet: int
@@ -97,20 +106,15 @@ def test_a_foreign_reader_sees_ordered_times_and_known_schemas(tmp_path: Path) -
 
 
 def test_the_state_is_readable_by_any_protobuf_reader(tmp_path: Path) -> None:
-    from google.protobuf import descriptor_pb2, descriptor_pool, message_factory, unknown_fields
-
     rollout = make_rollout(1.0)
     write_rollout(tmp_path / "a.mcap", rollout)
     with (tmp_path / "a.mcap").open("rb") as file:
-        found = list(make_reader(file, validate_crcs=True).iter_messages("/state"))
-    schema = found[0][0]
+        messages = list(make_reader(file, validate_crcs=True).iter_messages("/state"))
+    schema = messages[0][0]
     assert schema is not None and schema.encoding == "protobuf"
-    pool = descriptor_pool.DescriptorPool()
-    for definition in descriptor_pb2.FileDescriptorSet.FromString(schema.data).file:
-        pool.Add(definition)
-    state_type = message_factory.GetMessageClass(pool.FindMessageTypeByName(schema.name))
+    state_type = message_type(schema.name, schema.data)
     for i in (0, 50, 100):
-        state: Any = state_type.FromString(found[i][2].data)
+        state = state_type.FromString(messages[i][2].data)
         assert state.time_s == rollout.time_s[i]
         assert list(state.quat_wxyz) == rollout.quat_wxyz[i].tolist()
         assert list(state.joint_torque_nm) == rollout.joint_torque_nm[i].tolist()
@@ -123,9 +127,8 @@ def test_the_same_rollout_gives_the_same_data_section(tmp_path: Path) -> None:
     for name in ("a", "b"):
         write_rollout(tmp_path / name, make_rollout(2.0))
         with (tmp_path / name).open("rb") as file:
-            sums += [
-                r.data_section_crc for r in StreamReader(file).records if isinstance(r, DataEnd)
-            ]
+            ends = [record for record in StreamReader(file).records if isinstance(record, DataEnd)]
+        sums += [end.data_section_crc for end in ends]
     assert sums[0] == sums[1] != 0
 
 
@@ -144,9 +147,7 @@ def test_truncated_files_are_refused(written: bytes, tmp_path: Path, part: float
         read_rollout(path)
 
 
-@settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(SHARED_FOLDER, max_examples=60)
 @given(place=st.floats(0.0, 0.9999), flip=st.integers(1, 255))
 def test_a_flipped_byte_is_noticed_or_harmless(
     written: bytes, tmp_path: Path, place: float, flip: int

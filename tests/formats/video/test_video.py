@@ -31,11 +31,9 @@ RANGE = DepthRange(0.05, 20.0)
 def rgb_frames(count: int, height: int = 96, width: int = 128, shift: int = 0) -> np.ndarray:
     """Smooth moving waves: they survive chroma subsampling, and each frame differs."""
     y, x = np.indices((height, width))
-    frames = []
-    for i in range(count):
-        phase = (i + shift) * 0.4
-        frames.append(np.stack([np.sin(x / 9 + phase), np.cos(y / 7 + phase), np.sin(x / 11)], -1))
-    return (np.array(frames) * 100 + 128).astype(np.uint8)
+    phase = 0.4 * (np.arange(count) + shift)[:, None, None]
+    waves = np.sin(x / 9 + phase), np.cos(y / 7 + phase), np.sin(x / 11 + 0 * phase)
+    return (np.stack(waves, -1) * 100 + 128).astype(np.uint8)
 
 
 def depth_frames(count: int, height: int = 96, width: int = 128) -> np.ndarray:
@@ -67,11 +65,7 @@ def test_depth_comes_back_within_half_a_step(tmp_path: Path, size: tuple[int, in
 
 
 @settings(max_examples=50, deadline=None)
-@given(
-    near=st.floats(1e-4, 1.0),
-    span=st.floats(0.5, 60.0),
-    fraction=st.floats(0.0, 1.0),
-)
+@given(near=st.floats(1e-4, 1.0), span=st.floats(0.5, 60.0), fraction=st.floats(0.0, 1.0))
 def test_a_valid_depth_never_becomes_invalid(near: float, span: float, fraction: float) -> None:
     limits = DepthRange(near, near + span)
     depth = np.clip(np.float32(near + fraction * span), np.float32(near), np.float32(near + span))
@@ -125,10 +119,8 @@ def test_depth_concatenation_is_lossless(tmp_path: Path) -> None:
     write_depth_video(tmp_path / "a.mp4", frames[:3], 4, RANGE)
     write_depth_video(tmp_path / "b.mp4", frames[3:], 4, RANGE)
     concatenate_videos([tmp_path / "a.mp4", tmp_path / "b.mp4"], tmp_path / "all.mp4")
-    np.testing.assert_array_equal(
-        depth_to_codes(read_depth_video(tmp_path / "all.mp4", RANGE), RANGE),
-        depth_to_codes(frames, RANGE),
-    )
+    back = read_depth_video(tmp_path / "all.mp4", RANGE)
+    np.testing.assert_array_equal(depth_to_codes(back, RANGE), depth_to_codes(frames, RANGE))
 
 
 def test_the_same_frames_give_the_same_bytes(tmp_path: Path) -> None:
@@ -199,20 +191,17 @@ def test_damaged_videos_are_refused(tmp_path: Path, damage: str) -> None:
     if damage == "tail lost":  # with the index in front, as `concatenate_videos` writes it
         concatenate_videos([path], path)
         content = path.read_bytes()[: len(content) // 2]
-    path.write_bytes(
-        {
-            "missing": b"",
-            "empty": b"",
-            "no video": b"not a video at all" * 100,
-            "header lost": content[: len(content) - 300],
-            "tail lost": content,
-        }[damage]
-    )
+    contents = {
+        "empty": b"",
+        "no video": b"not a video at all" * 100,
+        "header lost": content[:-300],
+    }
+    path.write_bytes(contents.get(damage, content))
     if damage == "missing":
         path.unlink()
-    for read in (read_rgb_video, lambda p: concatenate_videos([p], tmp_path / "out.mp4")):
+    for reader in (read_rgb_video, lambda p: concatenate_videos([p], tmp_path / "out.mp4")):
         with pytest.raises(FileFormatError, match=r"a\.mp4"):
-            read(path)
+            reader(path)
     assert not (tmp_path / "out.mp4").exists()
 
 

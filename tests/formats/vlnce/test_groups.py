@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tests.support.rollouts import make_episode
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.formats.vlnce.groups import (
@@ -20,29 +21,16 @@ from vlnpe.formats.vlnce.groups import (
 
 def episode(name: str, path: int, text: str, **changes) -> Episode:
     points = np.array([[0.0, path, 0.0], [4.0, path, 0.0]])
-    made = Episode(
-        episode_id=name,
-        trajectory_id=str(path),
-        scene_id="home",
-        split="train",
-        level=0,
-        start_position_world_m=points[0],
-        start_yaw_rad=0.5,
-        goal_position_world_m=points[-1],
-        reference_path_world_m=points,
-        geodesic_distance_m=4.0,
-        instruction=text,
-        extra={"alignment": {"nudges": []}, "source_instruction": {"id": name}},
-    )
-    return replace(made, **changes)
+    extra = {"alignment": {"nudges": []}, "source_instruction": {"id": name}}
+    places = {"start_position_world_m": points[0], "goal_position_world_m": points[-1]}
+    ids = {"episode_id": name, "trajectory_id": str(path), "extra": extra}
+    base = replace(make_episode(0, text), reference_path_world_m=points, **places, **ids)
+    return replace(base, **changes)
 
 
-R2R = [
-    episode("1", 7, "Go."),
-    episode("4", 8, "Walk."),
-    episode("2", 7, "Leave."),
-    episode("3", 7, "Leave."),
-]
+EXTRAS = st.dictionaries(st.sampled_from("xyz"), st.integers(0, 2))
+_R2R = (("1", 7, "Go."), ("4", 8, "Walk."), ("2", 7, "Leave."), ("3", 7, "Leave."))
+R2R = [episode(*facts) for facts in _R2R]
 
 
 def test_a_path_is_one_record_with_all_its_texts(tmp_path):
@@ -80,13 +68,13 @@ def test_one_episode_per_instruction_for_tools_that_need_it():
     texts = [{"text": t, "style": s} for t, s in (("Go.", "terse"), ("Leave.", "rich"))]
     extra = {"instructions": ["Go.", "Leave."], "instruction": {"style": "terse", "texts": texts}}
     sampled = episode("home-0", 7, "Go.", extra=extra)
-    told = per_instruction(sampled)
-    assert [e.episode_id for e in told] == ["home-0", "home-0-2"]
-    assert [e.instruction for e in told] == ["Go.", "Leave."]
-    assert told[1].extra["instructions"] == ["Leave."]
-    assert told[1].extra["instruction"]["texts"] == [texts[1]]
+    separate = per_instruction(sampled)
+    assert [e.episode_id for e in separate] == ["home-0", "home-0-2"]
+    assert [e.instruction for e in separate] == ["Go.", "Leave."]
+    assert separate[1].extra["instructions"] == ["Leave."]
+    assert separate[1].extra["instruction"]["texts"] == [texts[1]]
     # And they are one path again.
-    (again,) = group_by_path(told)
+    (again,) = group_by_path(separate)
     assert again.extra["instructions"] == ["Go.", "Leave."]
     assert [e.episode_id for g in group_by_path(R2R) for e in per_instruction(g)] == [
         "1", "2", "3", "4",
@@ -94,22 +82,11 @@ def test_one_episode_per_instruction_for_tools_that_need_it():
 
 
 @settings(max_examples=80, deadline=None)
-@given(
-    st.lists(
-        st.tuples(
-            st.integers(0, 3),
-            st.text("ab", max_size=2),
-            st.dictionaries(st.sampled_from("xyz"), st.integers(0, 2)),
-        ),
-        max_size=8,
-    )
-)
-def test_every_original_comes_back(drawn):
-    originals = [
-        episode(str(k), path, text, extra=extra) for k, (path, text, extra) in enumerate(drawn)
-    ]
+@given(st.lists(st.tuples(st.integers(0, 3), st.text("ab", max_size=2), EXTRAS), max_size=8))
+def test_every_original_comes_back(facts):
+    originals = [episode(str(k), path, text, extra=x) for k, (path, text, x) in enumerate(facts)]
     back = {e.episode_id: e for g in group_by_path(originals) for e in ungroup(g)}
     assert len(back) == len(originals)
-    for one in originals:
-        again = back[one.episode_id]
-        assert (again.instruction, again.extra) == (one.instruction, one.extra)
+    for original in originals:
+        again = back[original.episode_id]
+        assert (again.instruction, again.extra) == (original.instruction, original.extra)

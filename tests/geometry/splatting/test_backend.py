@@ -22,24 +22,15 @@ torch = pytest.importorskip("torch")
 
 
 def rasterization(
-    means: Any,
-    quats: Any,
-    scales: Any,
-    opacities: Any,
-    colors: Any,
-    *,
-    viewmats: Any,
-    Ks: Any,
-    width: int,
-    height: int,
-    **more: Any,
+    *parts: Any, viewmats: Any, Ks: Any, width: int, height: int, **more: Any
 ) -> tuple[Any, Any, dict]:
-    """Draw as gsplat says it does, with the plain reference; record what it was asked."""
+    """Draw as gsplat says it does, with the plain reference; check what it is given."""
+    means, quats, scales, opacities, colors = parts
     count = len(means)
     assert means.shape == scales.shape == (count, 3) and quats.shape == (count, 4)
     assert opacities.shape == (count,) and colors.shape[::2] == (count, 3)
     assert viewmats.shape == (1, 4, 4) and Ks.shape == (1, 3, 3)
-    assert all(t.dtype == torch.float32 for t in (means, quats, scales, opacities, colors, Ks))
+    assert all(t.dtype == torch.float32 for t in (*parts, Ks))
     assert (more["sh_degree"] + 1) ** 2 == colors.shape[1]
     assert more["near_plane"] == NEAR_M and more["eps2d"] == pytest.approx(0.3)
     assert more["render_mode"] == "RGB+ED"
@@ -78,17 +69,17 @@ def test_gsplat_is_asked_for_the_same_picture(degree: int, antialiased: bool) ->
     cloud = random_cloud(np.random.default_rng(1), 150, degree)
     cloud = replace(cloud, antialiased=antialiased)
     eye = turned_eye()
-    asked = GsplatDrawer(cloud, device="cpu").draw(eye, None, np.inf)
+    drawn = GsplatDrawer(cloud, device="cpu").draw(eye, None, np.inf)
     ours = CpuDrawer(cloud).draw(eye, None, np.inf)
-    assert asked.color.dtype == asked.light.dtype == np.float32
-    assert psnr_db(asked.color, ours.color) >= 45.0
-    assert psnr_db(asked.light, ours.light) >= 45.0
+    assert drawn.color.dtype == drawn.light.dtype == np.float32
+    assert psnr_db(drawn.color, ours.color) >= 45.0
+    assert psnr_db(drawn.light, ours.light) >= 45.0
     deep = GsplatDrawer(cloud, device="cpu").draw(eye, None, np.inf, with_depth=True)
     seen = deep.light < 1
     assert seen.any() and not seen.all()
     # The stand-in returns one depth everywhere.
     assert (deep.depth_m[seen] > 2).all() and not deep.depth_m[~seen].any()
-    assert not asked.depth_m.size, "no depth unless wanted"
+    assert not drawn.depth_m.size, "no depth unless wanted"
 
 
 @pytest.mark.usefixtures("gsplat")

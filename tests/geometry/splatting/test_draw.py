@@ -1,15 +1,13 @@
 """The CPU rasteriser against the published formula, and what it promises beside pictures."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from tests.support.scenes.splat_reference import psnr_db, reference_image
 from tests.support.scenes.splats import random_cloud
 from vlnpe.formats.core.camera import CameraModel
-from vlnpe.formats.core.frames import matrix_to_quat, quat_to_matrix
-from vlnpe.formats.splats.record import GaussianCloud
+from vlnpe.formats.core.frames import matrix_to_quat, quat_to_matrix, transform_points
+from vlnpe.formats.splats.record import GaussianCloud, joined
 from vlnpe.geometry.splatting import detail, draw
 from vlnpe.geometry.splatting.blend import count_unfinished
 from vlnpe.geometry.splatting.draw import Eye, draw_splats
@@ -58,14 +56,7 @@ def test_groups_and_skipped_chunks_change_nothing(
     wall = random_cloud(rng, 4_000, spread=0.6, sizes=(0.05, 0.1))
     wall.position[:, 0] = -3 + 0.01 * wall.position[:, 0]
     wall.opacity[:] = 0.99
-    both = GaussianCloud(
-        np.concatenate([wall.position, behind.position]),
-        np.concatenate([wall.scale, behind.scale]),
-        np.concatenate([wall.quat_wxyz, behind.quat_wxyz]),
-        np.concatenate([wall.opacity, behind.opacity]),
-        np.concatenate([wall.harmonics, behind.harmonics]),
-    )
-    scene, eye = SplatScene.of(both), eye_at(-4.0)
+    scene, eye = SplatScene.of(joined([wall, behind])), eye_at(-4.0)
     monkeypatch.setattr(draw, "GROUP", 1 << 20)
     whole = draw_splats(scene, eye, with_depth=True)
     monkeypatch.setattr(draw, "GROUP", group)
@@ -131,11 +122,7 @@ def test_a_body_hides_what_is_behind_it() -> None:
 def test_splats_above_the_cut_are_left_out_only_from_above() -> None:
     cloud = random_cloud(np.random.default_rng(3), 300)
     scene = SplatScene.of(cloud)
-    down = Eye(
-        CameraModel("top", 40, 40, 60.0),
-        np.array([0.0, 0.0, 5.0]),
-        np.array([[1.0, 0, 0], [0, -1.0, 0], [0, 0, -1.0]]),
-    )
+    down = Eye(CameraModel("top", 40, 40, 60.0), np.array([0, 0, 5.0]), np.diag([1.0, -1.0, -1.0]))
     low = cloud.take(cloud.position[:, 2] <= 0.2)
     cut = draw_splats(scene, down, cut_above_m=0.2).color
     assert cut == pytest.approx(draw_splats(SplatScene.of(low), down).color, abs=1e-5)
@@ -159,11 +146,8 @@ def test_turning_scene_and_camera_together_changes_nothing() -> None:
     matrix[:3, :3] = quat_to_matrix(rng.standard_normal(4))
     matrix[:3, 3] = 1, 2, 3
     eye = eye_at(-3)
-    moved = replace(
-        eye,
-        position_world_m=matrix[:3, :3] @ eye.position_world_m + matrix[:3, 3],
-        rotation_world=matrix[:3, :3] @ eye.rotation_world,
-    )
+    position = transform_points(matrix, eye.position_world_m)
+    moved = Eye(eye.camera, position, matrix[:3, :3] @ eye.rotation_world)
     first = draw_splats(SplatScene.of(cloud), eye).color
     second = draw_splats(SplatScene.of(cloud.transformed(matrix)), moved).color
     assert psnr_db(first, second) > 60
@@ -240,10 +224,10 @@ def test_summed_area_table_tells_where_unfinished_pixels_are() -> None:
     table = np.zeros((height + 1, width + 1), dtype=np.int32)
     count_unfinished(light, columns, table)
     v, u = np.mgrid[0:height, 0:width]
-    found = 0
+    unfinished = 0
     for x, y, half_x, half_y in rng.uniform((-5, -5, 0, 0), (42, 26, 6, 6), (500, 4)):
         x0, x1, y0, y1 = x - half_x, x + half_x, y - half_y, y + half_y
         true = (open_ & (u >= x0) & (u <= x1) & (v >= y0) & (v <= y1)).any()
         assert any_unfinished(table, x0, x1, y0, y1) == true
-        found += true
-    assert 50 < found < 450
+        unfinished += true
+    assert 50 < unfinished < 450

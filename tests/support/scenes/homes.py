@@ -40,6 +40,17 @@ def joined(plan: FloorPlan) -> bool:
     return len(reached) == len(plan.rooms)
 
 
+def assert_apart(plan: FloorPlan) -> None:
+    """Assert that rooms have walls between them, and the openings of a wall do not overlap."""
+    assert all(room.kind for room in plan.rooms)
+    for a, b in combinations(plan.rooms, 2):
+        gap = np.maximum(np.array(a.lower_m) - b.upper_m, np.array(b.lower_m) - a.upper_m)
+        assert gap.max() >= plan.wall_m - 1e-9
+    for o, p in combinations(plan.openings, 2):
+        same_side = (o.room, o.axis, o.sign) == (p.room, p.axis, p.sign)
+        assert not same_side or o.start_m >= p.end_m or p.start_m >= o.end_m
+
+
 def exact_freemap(home: TrueScene, storey: int = 0, cell_m: float = 0.05) -> Freemap:
     """Free space of a storey by the exact triangles between 5 cm and 1.9 m above its floor."""
     plan = home.storeys[storey]
