@@ -7,7 +7,7 @@ from ..formats.core.errors import check_name
 
 @dataclass(frozen=True)
 class ScanConfig:
-    """How the apartment is scanned and how the scan is textured.
+    """Options of a virtual scan and of its textures.
 
     Attributes:
         voxel_m: side of a fusion voxel.
@@ -40,7 +40,7 @@ class ScanConfig:
 
 @dataclass(frozen=True)
 class ApartmentConfig:
-    """How a building is built and scanned; the defaults are those of an apartment.
+    """Options of a building and its scan; the defaults are those of an apartment.
 
     Attributes:
         kind: `apartment`, `villa`, `house` or `office`.

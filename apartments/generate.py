@@ -27,20 +27,12 @@ def generate_scan(
     config: ApartmentConfig = ApartmentConfig(),  # noqa: B008  (frozen)
     progress: Progress | None = None,
 ) -> Path:
-    """Generate the building of `seed` and scan it.
+    """Generate the building of `seed` (at least 0) and scan it; return the path of `scan.glb`.
 
     Writes into the existing folder `out_dir`: `scan.glb` (y up, metres, one node per object),
     `scan.labels.json` (bounds of every object and room in the GLB's coordinates) and `truth.npz`
-    (see `truth.write_truth`). The same seed and configuration give the same files.
-
-    Args:
-        seed: at least 0; every seed is another building.
-        out_dir: where to write.
-        config: what to build and how to scan it; see `building_config`.
-        progress: called with the name of each step as it begins.
-
-    Returns:
-        Path of `scan.glb`.
+    (see `truth.write_truth`). The same seed and configuration give the same files. `progress` is
+    called with the name of each step as it begins.
 
     Raises:
         ValueError: `config` admits no building.

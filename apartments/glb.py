@@ -76,12 +76,9 @@ def encode_page(image: U8, quality: int) -> bytes:
 def write_glb(
     path: Path, nodes: list[GlbNode], pages: list[bytes], extras: dict, *, tiled: bool = False
 ) -> None:
-    """Write `nodes` with JPEG `pages` to `path`.
+    """Write `nodes` with JPEG `pages`, and `extras` in the asset's header, to `path`.
 
-    Args:
-        pages: images, encoded as JPEG.
-        extras: goes into the asset's header.
-        tiled: images repeat beyond their borders; otherwise they are clamped.
+    `tiled` images repeat beyond their borders; others are clamped.
     """
     wrap = _REPEAT if tiled else _CLAMP
     buffer = _Buffer()

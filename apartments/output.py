@@ -1,4 +1,4 @@
-"""What all generators have in common: how they begin, and the files beside a capture."""
+"""The parts that all generators share: their beginning, and the files beside a capture."""
 
 import json
 import logging

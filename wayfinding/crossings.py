@@ -13,7 +13,7 @@ from .regions import RegionMap
 DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
 # Two crossings at most this far apart go through one and the same passage.
 _SAME_DOOR_M = 0.6
-# How far behind a door a path must go for its end to be in the next room.
+# A path must go this far behind a door for its end to be in the next room.
 _BEHIND_DOOR_M = 0.4
 
 

@@ -49,15 +49,12 @@ def line_is_free(free: Mask, row: int, column: int, to_row: int, to_column: int)
 def taut_distances(
     free: Mask, row: int, column: int, offset_row: float, offset_column: float
 ) -> Array:
-    """Return distances [cells] from one point to all cells' centres; inf = unreachable.
+    """Return distances (rows, columns) [cells] from a point to the cells; inf = unreachable.
 
     Args:
         free: (rows, columns) bool: the cells that may be entered.
         row, column: the source point's cell, which must be free.
         offset_row, offset_column: where it lies from the cell's centre [cells]; within ±0.5.
-
-    Returns:
-        (rows, columns) float64.
     """
     rows, columns = free.shape
     distance = np.full((rows, columns), np.inf)

@@ -19,8 +19,8 @@ from ..formats.scene.grid import GridSpec
 
 ROOM_PREFIX = "room:"
 
-# What fills all of these heights above the floor is a wall, a door or a cupboard: tables and
-# sofas end below, lamps hang above. Things smaller than a wall's end (a vase, a post) are dropped.
+# A thing that fills all of these heights above the floor is a wall, a door or a cupboard: tables
+# and sofas end below, lamps hang above. Things smaller than a wall's end (a vase) are dropped.
 _SLICES_M = ((0.5, 0.9), (0.95, 1.3), (1.35, 1.65))
 _MIN_WALL_M = 0.7
 _EDGE = 0.05  # of a cell
@@ -30,7 +30,7 @@ _MIN_ROOM_M2 = 2.5
 # Space farther than this from any labelled room (a doorway's depth) belongs to none.
 _REACH_M = 1.0
 
-# How a room without a label is named by what stands in it. These things also distinguish the rooms
+# Things by which a room without a label is named. They also distinguish the rooms
 # of one open space.
 _OBJECTS_OF_ROOM = {
     "bedroom": ("bed", "nightstand"),

@@ -27,8 +27,7 @@ def build_scene(
 ) -> TrueScene:
     """Return a furnished building; the same state of `rng` gives the same building.
 
-    Args:
-        painted: paint the images of the materials; see `Palette`.
+    With `painted`, the images of the materials are painted; see `Palette`.
 
     Raises:
         UnknownNameError: there is no such kind of building.

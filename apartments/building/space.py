@@ -123,7 +123,7 @@ class RoomSpace:
 
 
 class WallPlace(NamedTuple):
-    """Where furniture stands at a wall: side, distance along it [m], and the pieces in place."""
+    """Furniture in its place at a wall: side, distance along it [m], and the pieces."""
 
     axis: int
     sign: int
@@ -169,7 +169,7 @@ def try_wall(
     options: list[tuple[int, int, float]] = []
     for axis, sign in sides or SIDES:
         start, end = space.room.span(axis)
-        # Which way local x runs along the wall decides where its extent may lie.
+        # The direction of local x along the wall decides where its extent may lie.
         before, after = (high_x, -low_x) if _mirrored(axis, sign) else (-low_x, high_x)
         first, last = start + before + 0.02, end - after - 0.02
         if first > last:

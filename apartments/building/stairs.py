@@ -19,12 +19,9 @@ _RAIL_M, _RAIL_DEPTH_M = 0.95, 0.06
 
 
 def stairs_block(rooms: Sequence[Room], wall_m: float, rise_m: float) -> Block:
-    """Return the stairs in the stairwell among `rooms`: along a side wall, from the front.
+    """Return the stairs in the stairwell among the lower storey's `rooms`, `rise_m` high.
 
-    Args:
-        rooms: of the lower storey, one of them a `stairwell` with a `hallway` before it.
-        wall_m: thickness of the walls.
-        rise_m: height from this storey's floor to the next one's.
+    They run along a side wall of the stairwell, from the hallway before it.
     """
     index = next(k for k, room in enumerate(rooms) if room.kind == "stairwell")
     room, hall = rooms[index], next(r for r in rooms if r.kind == "hallway")
@@ -118,10 +115,7 @@ def eyes_on_stairs(block: Block) -> list[tuple[float, float, float]]:
 def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
     """Return the stairs with both flights closed below, and the banister at their open side.
 
-    Args:
-        wood: material of the treads.
-        wall: material of risers and sides.
-        rail: material of the banister.
+    `wood` is the material of the treads, `wall` of risers and sides, `rail` of the banister.
     """
     frame = _Frame.of(block)
     flight, height = (_WIDTH_M - _SPINE_M) / 2, block.top_m
@@ -158,14 +152,7 @@ def staircase(block: Block, wood: int, wall: int, rail: int) -> list[Piece]:
 
 
 def stairwell_edges(block: Block, slab_m: float, wall: int, rail: int) -> list[Piece]:
-    """Return the sides of the opening through the slab, and the railing around it.
-
-    Args:
-        block: the void.
-        slab_m: thickness of the slab.
-        wall: material of the sides.
-        rail: material of the railing.
-    """
+    """Return the sides of a void's opening through a slab `slab_m` thick, and its railing."""
     frame = _Frame.of(block)
     length, flight = frame.length_m, (_WIDTH_M - _SPINE_M) / 2
     corners = [

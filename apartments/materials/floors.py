@@ -87,13 +87,10 @@ def tiles(
     offset: bool = False,
     grout_px: float = 1.6,
 ) -> Image:
-    """Paint tiles with grout.
+    """Paint tiles with grout, `count` along y and x; colours are 0–255.
 
     Args:
-        count: tiles along y and x.
-        base: colour (0–255).
         other: second colour of a chequered floor.
-        grout: colour of the joints.
         veins: strength of marble veins.
         offset: shift every second row by half a tile (bricks).
         grout_px: half width of a joint.

@@ -37,9 +37,7 @@ Painter = Callable[..., Image]
 class Palette:
     """Lists each material once, in the order of first use, to be made from its own random stream.
 
-    Args:
-        painted: paint the images; without them all are plain grey, which is much faster where only
-            the geometry matters.
+    If not `painted`, all images are plain grey: much faster where only the geometry matters.
     """
 
     def __init__(self, rng: np.random.Generator, painted: bool = True):

@@ -35,12 +35,7 @@ class Charts:
 
 
 def cut(mesh: ScanMesh, label: I32, texel_m: Array) -> Charts:
-    """Cut `mesh` into charts.
-
-    Args:
-        label: (F,) object of each triangle.
-        texel_m: (O,) side of a texel per object [m].
-    """
+    """Cut `mesh` into charts, by triangles' objects (F,) and objects' texel sides (O,) [m]."""
     normals = smooth_normals(mesh, 2)
     true_normals, area = mesh.normals()
     pairs = neighbours(mesh.faces)
@@ -51,7 +46,7 @@ def cut(mesh: ScanMesh, label: I32, texel_m: Array) -> Charts:
         chart = _grouped(len(label), pairs, label, direction)
     axes = _mean_normals(chart, true_normals, area)
     facing = np.einsum("ij,ij->i", axes[chart], true_normals)
-    # What leans too far leaves its chart; it forms charts of its own kind.
+    # Triangles that lean too far leave their chart, and form charts of their own.
     leaning = facing < _LEAST_FACING
     own = np.argmax(np.concatenate([true_normals, -true_normals], axis=1), axis=1)
     direction = np.where(leaning, own + 6, direction)

@@ -12,9 +12,8 @@ _REACH = 1.8
 def rasterize(corner: Array, page_size: tuple[int, int]) -> tuple[I32, F32]:
     """Paint triangles with corners (F, 3, 2) [texels, y down] on a page (width, height).
 
-    Returns:
-        face (height, width) int32, −1 = empty, and bary (height, width, 2) float32, the weights
-        of the second and third corner, beyond 0…1 in the margin around charts.
+    Return face (height, width) int32, −1 = empty, and bary (height, width, 2) float32, the weights
+    of the second and third corner, beyond 0…1 in the margin around charts.
     """
     width, height = page_size
     face = np.full((height, width), -1, dtype=np.int32)

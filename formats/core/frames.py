@@ -109,11 +109,9 @@ def quat_multiply(a_wxyz: ArrayLike, b_wxyz: ArrayLike) -> Array:
 
 
 def look_at(position_m: ArrayLike, target_m: ArrayLike) -> Array:
-    """Return the optical axes (3, 3), as columns, of a level camera that looks at a target.
+    """Return the optical axes (3, 3), as columns, of a level camera looking at a target (3,) [m].
 
-    Args:
-        position_m: (3,) optical centre, z up [m].
-        target_m: (3,) where it looks [m]; straight up or down, the image's right is x.
+    Straight up or down, the image's right is x.
     """
     ahead = np.asarray(target_m, dtype=np.float64) - np.asarray(position_m, dtype=np.float64)
     ahead = ahead / np.linalg.norm(ahead)

@@ -8,12 +8,7 @@ from PIL import Image
 
 
 def image_file(image: Image.Image, kind: str, **options: Any) -> bytes:
-    """Return an image as the bytes of a file.
-
-    Args:
-        kind: Pillow's name of the format, such as "PNG".
-        options: As of Pillow's `Image.save`.
-    """
+    """Return an image as the bytes of a file, of Pillow's `kind` such as "PNG" with its options."""
     stream = io.BytesIO()
     image.save(stream, kind, **options)
     return stream.getvalue()

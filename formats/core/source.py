@@ -161,7 +161,7 @@ def _source(module: str) -> _Source:
     if cached is None or cached["text"] != text:
         cached = {"text": text, **_parse(module, path, raw)}
         _disk_cache()["modules"][module] = cached
-    # A name is a module or not depending on other files, too.
+    # Other files decide, too, whether a name is a module.
     ours = frozenset(name for name in cached["names"] if _file(name) is not None)
     return _Source(ours, frozenset(cached["others"]), cached["digest"])
 

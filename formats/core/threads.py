@@ -53,7 +53,6 @@ def in_order[I, R](
     """Yield the results of a function for `items`, in their order, from the allowed threads.
 
     Args:
-        function: what to do; must give the same in any order.
         items: its arguments, drawn a few ahead, in the caller's thread.
         busy: the caller works on the results meanwhile, so that one thread is left to it.
     """

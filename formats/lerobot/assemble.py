@@ -70,7 +70,6 @@ def assemble_dataset(
 
     Args:
         units: folders written by `write_episode_unit`, of one robot and one view.
-        out: dataset folder.
         provenance: JSON values for meta/provenance.json: configuration hash, code version, …;
             `scenes` (name → its source's facts) gives the card its licences, and training
             episodes in `held_out_scenes` are published as validation.

@@ -18,7 +18,7 @@ from .usage import POLICIES, loading_code, training_command
 
 FILM_STRIP = "film_strip.png"
 
-# What a reader must know of each feature; frames and units are in the names in info.json.
+# Meaning of each feature for readers; frames and units are in the names in info.json.
 MEANING = {
     "observation.images.rgb": "colour image",
     "observation.images.depth": "planar depth, 0 = invalid",

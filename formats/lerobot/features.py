@@ -10,7 +10,7 @@ from ..video.stream import VideoFacts
 from .layout import DEPTH_KEY, RGB_KEY, Features, automatic_features
 
 IMAGE_NAMES = ["height", "width", "channels"]
-# How depth is kept: a lossless video of 12-bit codes, or images of whole millimetres in the rows.
+# Depth is kept as a lossless video of 12-bit codes, or images of whole millimetres in the rows.
 DEPTH_STORAGES = ("video", "image")
 
 

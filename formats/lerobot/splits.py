@@ -1,4 +1,4 @@
-"""Which episodes train and which validate: no scene is in both."""
+"""Splits of episodes for training and validation: no scene is in both."""
 
 import hashlib
 from collections.abc import Collection, Iterable

@@ -45,10 +45,7 @@ def image_statistics(values: F32, counts: I64, frames: int) -> Statistics:
     Args:
         values: (K,) ascending pixel values.
         counts: (C, K) occurrences in each channel; each channel has at least one.
-        frames: number of images.
-
-    Returns:
-        Entries of shape (C, 1, 1); `count` (1,) is the number of images.
+        frames: number of images, the `count` (1,); other entries are (C, 1, 1).
     """
     channels = []
     for weights in counts:
@@ -88,7 +85,6 @@ def picture_statistics(
     Args:
         rgb_counts: (3, 256).
         depth_counts: (4096,) of depth codes.
-        length: number of frames.
         millimetres: whether depth is stored as images of millimetres, not as a video of codes.
     """
     rgb = image_statistics(np.arange(256, dtype=np.float32), rgb_counts, length)

@@ -77,10 +77,9 @@ class EpisodeUnit(UnitParts):
 def write_episode_unit(
     folder: Path, rollout: Rollout, frames: FrameFolder, *, depth_storage: str = "video"
 ) -> None:
-    """Write one episode, whatever its outcome.
+    """Write one episode, whatever its outcome, to a folder that is replaced as a whole.
 
     Args:
-        folder: Folder of the unit; replaced as a whole.
         frames: The rendered view. Its videos are linked, or copied where that is impossible. If
             its arrays have `rgb_counts` (3, 256) and `depth_counts` (4096,), the videos need not be
             decoded for their statistics.

@@ -43,10 +43,7 @@ class UnitParts:
 
     @staticmethod
     def from_json(index: Mapping[str, Any], path: Path) -> "UnitParts":
-        """Return the inverse of `to_json`.
-
-        Args:
-            path: file that they come from, for errors.
+        """Return the inverse of `to_json`; `path` is for errors.
 
         Raises:
             FileFormatError: another version, or features that cannot be used.

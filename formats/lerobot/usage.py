@@ -1,4 +1,4 @@
-"""How to load and train on a dataset with LeRobot: the text of cards, run by the tests."""
+"""Code that loads and trains on a dataset with LeRobot: the text of cards, run by the tests."""
 
 import json
 from collections.abc import Mapping
@@ -25,13 +25,10 @@ frame = dataset[0]
 
 
 def training_command(repo: str, features: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return the shell command that trains ACT on the dataset `repo`, or another of `POLICIES`.
+    """Return the shell command that trains ACT on the dataset `repo` (`user/name` on the hub).
 
-    Nothing but the dataset is fetched: the image backbone starts without pretrained weights.
-
-    Args:
-        repo: of the hub, `user/name`.
-        features: entries of info.json.
+    `features` are entries of info.json. Nothing but the dataset is fetched: the image backbone
+    starts without pretrained weights.
     """
     inputs = {key: _policy_feature(features[key], kind) for key, kind in INPUTS.items()}
     outputs = {key: _policy_feature(features[key], kind) for key, kind in OUTPUTS.items()}

@@ -1,4 +1,4 @@
-"""Which object labels name an object."""
+"""Labels that name an object, and not a whole scene or its floor."""
 
 # Last words of labels of what is certainly not floor. Any other word (`apartment`, `ground truth`)
 # may be the name of a node that holds the floor too.

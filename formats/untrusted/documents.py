@@ -19,11 +19,8 @@ _NOT_BRACKETS = bytes(set(range(256)) - set(b"[]{}"))
 class DocumentScanner:
     """Counts the values and the nesting of a JSON document block by block, before it is parsed.
 
-    Brackets and commas within texts count, too, so both numbers are upper bounds.
-
-    Args:
-        path: the file, for errors.
-        max_values: roughly, keys, numbers, texts, lists and objects.
+    Brackets and commas within texts count, too, so both numbers are upper bounds. Values are keys,
+    numbers, texts, lists and objects, roughly; `path` is for errors.
     """
 
     def __init__(self, path: Path, max_values: int):
@@ -56,12 +53,10 @@ def parse_json(
     max_depth: int | None = None,
     scanner: DocumentScanner | None = None,
 ) -> Any:
-    """Return the value of a JSON document in UTF-8.
+    """Return the value of a JSON document in UTF-8; `path` is for errors.
 
     Args:
-        path: its file, for errors.
-        max_values: instead of `json_values` of the limits.
-        max_depth: instead of `depth` of the limits.
+        max_values, max_depth: instead of `json_values` and `depth` of the limits.
         scanner: one that has seen all of `data`; by default it is scanned here.
     """
     max_depth = max_depth or limits().depth

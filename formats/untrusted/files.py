@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 from ..core.errors import FileFormatError
 
-# What parsers raise for damaged files: headers may be Python literals, lengths and texts anything.
+# Parsers raise these for damaged files: headers may be Python literals, lengths and texts anything.
 PARSER_ERRORS = (
     *(ArithmeticError, AttributeError, EOFError, LookupError, MemoryError, OSError, RuntimeError),
     *(SyntaxError, TypeError, ValueError, TokenError, struct.error, zipfile.BadZipFile, zlib.error),

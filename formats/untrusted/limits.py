@@ -1,4 +1,4 @@
-"""What an untrusted file may cost to read: the caps of all readers in one place.
+"""Limits of what an untrusted file may cost to read, for all readers in one place.
 
 No honest file comes near them. `VLNPE_LIMITS="vlnce_episodes=1000000 labels=50000"` in the
 environment raises (or lowers) some; docs/design/security.md lists them all.

@@ -30,14 +30,10 @@ def read_table(
     filters: Any = None,
     root: Path | None = None,
 ) -> pa.Table:
-    """Return a Parquet file's table.
+    """Return a Parquet file's table, of all columns or of some.
 
     Repeated values take next to nothing in a file; how much the table takes in memory is
-    estimated first.
-
-    Args:
-        columns: their names; None: all.
-        filters: as of `pyarrow.parquet.read_table`.
+    estimated first. `filters` are those of `pyarrow.parquet.read_table`.
     """
     check_input(path, root=root)
     try:

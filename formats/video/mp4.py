@@ -71,13 +71,12 @@ def write_depth_video(
     counts: I64 | None = None,
     on_codes: Callable[[U16], None] | None = None,
 ) -> int:
-    """Encode planar depth losslessly, quantised to 12 bits; return the number of frames.
+    """Encode planar depth, each image (H, W) float32 [m], to 12 bits; return the number of frames.
 
     Depth is quantised as LeRobot's `quantize_depth` does with `depth_min = 0` and `depth_max =
     far_m` (see `depth_codes`). Readings outside `depth_range` or not finite become 0, invalid.
 
     Args:
-        frames_m: the images, each (H, W) float32 [m].
         counts: (4096,); how often each depth code occurs is added to it.
         on_codes: called with the codes (H, W) of each frame.
 

@@ -28,13 +28,10 @@ def write_bitstream(
 ) -> None:
     """Write an MP4 of packets as `iterate_bitstream` yields them, one per frame, unchanged.
 
-    Args:
-        packets: at least one; the first is a key frame.
-        codec: `h264` or `av1`.
-        frames_per_second: frame i gets the time i / frames_per_second.
+    The first packet is a key frame; frame i gets the time i / frames_per_second.
 
     Raises:
-        UnknownNameError: another codec.
+        UnknownNameError: `codec` is neither `h264` nor `av1`.
         ValueError: the packets are no such stream, or not one per frame.
     """
     check_name("video codec", codec, _RAW_FORMATS)

@@ -5,15 +5,11 @@ from typing import Any
 
 
 def overlay(source: Any, values: Any, removed: Collection[str] = ()) -> Any:
-    """Return `source` with `values` in it: order, unknown keys and spelling of equal values stay.
+    """Return `source` (None if there is none) with `values` in it, and without keys in `removed`.
 
-    Objects are merged key by key; keys that `source` lacks follow at the end. Lists of equal length
-    are merged item by item, others are replaced. Equal numbers keep their spelling (1, not 1.0).
-
-    Args:
-        source: as read; None when there is none.
-        values: what the record says.
-        removed: keys of `source`, at its top, that the record no longer has.
+    Order, unknown keys and spelling of equal values stay. Objects are merged key by key; keys that
+    `source` lacks follow at the end. Lists of equal length are merged item by item, others are
+    replaced. Equal numbers keep their spelling (1, not 1.0).
     """
     if isinstance(source, dict) and isinstance(values, dict):
         merged = {

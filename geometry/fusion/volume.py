@@ -141,10 +141,7 @@ def _project(low, count, ahead, along, camera, pixel, z):
     """Find pixel and depth of the `count` voxels from `low` on in a column.
 
     Args:
-        low: index of the first voxel.
-        count: how many.
-        ahead: the column's voxel 0 in the camera frame [m].
-        along: from one voxel to the next.
+        ahead, along: voxel 0 of the column in the camera frame [m], and the step to the next.
         camera: focal length, columns and rows [px].
         pixel: index into the image's rows one after the other, written.
         z: depth along the optical axis [m], written.

@@ -125,11 +125,8 @@ class PacketScene:
 def tile_order(size_px: tuple[int, int], *, tile_px: tuple[int, int]) -> I32:
     """Return the pixels (row-major indices) of an image tile by tile, −1 = none.
 
-    The rays of a tile are closest together, so that they make the best packets.
-
-    Args:
-        size_px: width and height of the image.
-        tile_px: columns and rows of a tile.
+    The rays of a tile are closest together, so that they make the best packets. Sizes are
+    (width, height) of the image and (columns, rows) of a tile.
     """
     width, height = size_px
     across, down = tile_px
@@ -163,10 +160,7 @@ def fill_ray(rays, bits, n, k, x, y, z, dx, dy, dz, far):
     """Write a ray into lane `k` of a packet of `n` rays, and activate the lane.
 
     Args:
-        rays: the packet, see `packet`.
-        bits: the same memory as int32.
-        n: rays per packet.
-        k: lane.
+        rays, bits: the packet, see `packet`, and the same memory as int32.
         x, y, z: origin [m].
         dx, dy, dz: direction.
         far: largest ray parameter.

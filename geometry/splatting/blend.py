@@ -59,16 +59,14 @@ def count_unfinished(light, columns, unfinished):
 
 @kernel()
 def split_by_depth(rows, waiting, count, limit, unfinished):
-    """Return copies of the rows nearer than `limit`, in order of depth, and the number of others.
+    """Return copies of the rows nearer than `limit` [m], by depth, and the number of other rows.
 
     The others are moved to the beginning of `rows`.
 
     Args:
-        rows: (N, 15) see `COLUMNS`.
-        waiting: how many rows have waited since before the last tiles were blended; of these
+        rows: (N, 15) see `COLUMNS`, of which `count` are used.
+        waiting: number of rows that have waited since before the last tiles were blended; of these
             the ones that only touch finished pixels are dropped.
-        count: how many rows there are.
-        limit: depth [m].
         unfinished: see `count_unfinished`.
     """
     near = np.empty(count, dtype=np.int32)

@@ -41,7 +41,7 @@ class SplatImage:
 
 @dataclass(frozen=True)
 class Eye:
-    """Where an image is taken from.
+    """The camera and pose of an image.
 
     Attributes:
         position_world_m: (3,) optical centre.
