@@ -14,25 +14,12 @@ import pyarrow.parquet as pq
 from ..core.atomic import atomic_folder
 from ..core.errors import FileFormatError
 from ..video.mux import concatenate_videos
+from . import layout
 from .card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
 from .episode_columns import camera_of
 from .film_strip import film_strip, shown_units
 from .language import COLUMN, FEATURES, language_column, with_language
-from .layout import (
-    CODEBASE_VERSION,
-    DATA_PATH,
-    INFO_PATH,
-    PROVENANCE_PATH,
-    SPLITS_PATH,
-    STATS_PATH,
-    TASKS_PATH,
-    VIDEO_PATH,
-    Features,
-    FileLimits,
-    FilePlace,
-    row_schema,
-    tasks_table,
-)
+from .layout import Features, FileLimits, FilePlace, row_schema, tasks_table
 from .rolling import EpisodeTable, RollingParquet
 from .splits import published_split
 from .statistics import StatisticsSum, column_statistics, statistics_to_json
@@ -95,7 +82,7 @@ def assemble_dataset(
         schema = row_schema(first.features)
         schema = with_language(schema) if language else schema
         with (
-            RollingParquet(root, DATA_PATH, limits) as rows,
+            RollingParquet(root, layout.DATA_PATH, limits) as rows,
             EpisodeTable(root, limits) as episodes,
         ):
             for number, (folder, videos) in enumerate(zip(units, places, strict=True)):
@@ -133,11 +120,11 @@ def assemble_dataset(
         summary = DatasetSummary(len(units), frames, len(tasks))
         features = first.features | (FEATURES if language else {})
         info = _info(first, features, summary, limits)
-        _write(root / INFO_PATH, info)
-        _write(root / STATS_PATH, total.result())
-        _write(root / SPLITS_PATH, splits.episodes)
-        _write(root / PROVENANCE_PATH, dict(provenance))
-        pq.write_table(tasks_table(list(tasks)), root / TASKS_PATH)
+        _write(root / layout.INFO_PATH, info)
+        _write(root / layout.STATS_PATH, total.result())
+        _write(root / layout.SPLITS_PATH, splits.episodes)
+        _write(root / layout.PROVENANCE_PATH, dict(provenance))
+        pq.write_table(tasks_table(list(tasks)), root / layout.TASKS_PATH)
         shown = [read_episode_unit(units[i]) for i in shown_units(len(units))]
         (root / FILM_STRIP).write_bytes(film_strip(shown))
         facts = CardFacts(
@@ -214,7 +201,7 @@ def _join_videos(
     place, begin = FilePlace(), 0
     for end in _file_ends(key, sizes, first.frames_per_second, limits):
         paths = [folder / f"{key}.mp4" for folder in units[begin:end]]
-        counts = concatenate_videos(paths, root / place.path(VIDEO_PATH, video_key=key))
+        counts = concatenate_videos(paths, root / place.path(layout.VIDEO_PATH, video_key=key))
         for path, count, size in zip(paths, counts, sizes[begin:end], strict=True):
             if count != size.length:
                 raise FileFormatError(path, f"{count} frames, the unit has {size.length}")
@@ -260,7 +247,7 @@ def _info(
     first: EpisodeUnit, features: Features, summary: DatasetSummary, limits: FileLimits
 ) -> dict[str, Any]:
     return {
-        "codebase_version": CODEBASE_VERSION,
+        "codebase_version": layout.CODEBASE_VERSION,
         "fps": first.frames_per_second,
         "features": features,
         "total_episodes": summary.episodes,
@@ -269,8 +256,8 @@ def _info(
         "chunks_size": limits.files_per_chunk,
         "data_files_size_in_mb": limits.data_mb,
         "video_files_size_in_mb": limits.video_mb,
-        "data_path": DATA_PATH,
-        "video_path": VIDEO_PATH,
+        "data_path": layout.DATA_PATH,
+        "video_path": layout.VIDEO_PATH,
         "robot_type": first.robot,
         "splits": {"train": f"0:{summary.episodes}"},
     }
