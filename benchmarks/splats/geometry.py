@@ -150,9 +150,9 @@ def _wall_error(scene: TrueScene, bundle: SceneBundle, rng: np.random.Generator)
     tracer = Tracer(scene.shape.corners)
     hits = exact_surface(tracer, points, normals[face].astype(np.float32))
     walls = np.array([o.category == "wall" for o in scene.objects])
-    on = (hits.face >= 0) & walls[scene.face_object[hits.face]]
-    exact = triangle_normals(scene.shape.corners[hits.face[on]])
-    away = points[on] - scene.shape.corners[hits.face[on], 0]
+    on = (hits.prim >= 0) & walls[scene.face_object[hits.prim]]
+    exact = triangle_normals(scene.shape.corners[hits.prim[on]])
+    away = points[on] - scene.shape.corners[hits.prim[on], 0]
     return float(np.median(np.abs(np.einsum("ij,ij->i", exact, away))))
 
 

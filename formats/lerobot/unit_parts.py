@@ -54,8 +54,8 @@ class UnitParts:
             raise FileFormatError(path, f"unit version {version}; this code reads {UNIT_VERSION}")
         check_features(path, index["features"])
         parts = {field.name: index[field.name] for field in fields(UnitParts)}
-        statistics = {k: statistics_from_json(v) for k, v in index["statistics"].items()}
-        return UnitParts(**parts | {"statistics": statistics})
+        parts["statistics"] = {k: statistics_from_json(v) for k, v in parts["statistics"].items()}
+        return UnitParts(**parts)
 
     def to_json(self) -> dict[str, Any]:
         """Return JSON values, as in unit.json."""

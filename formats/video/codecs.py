@@ -3,6 +3,7 @@
 Each uses one thread, since episodes run in parallel, and gives the same bytes for the same frames.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from ..core.errors import check_name
@@ -27,12 +28,12 @@ class VideoCodec:
     pixel_format: str
     crf: int
     preset: str | int
-    extra_options: dict[str, str | int] = field(default_factory=dict)
+    extra_options: Mapping[str, str | int] = field(default_factory=dict)
 
     def options(self) -> dict[str, str]:
         """Return the encoder's option dictionary as FFmpeg takes it."""
         options = {"g": GROUP_OF_PICTURES, "crf": self.crf, "preset": self.preset}
-        return {k: str(v) for k, v in (options | self.extra_options).items()}
+        return {k: str(v) for k, v in {**options, **self.extra_options}.items()}
 
 
 # Measured at 256 × 256 on two rendered walks through a furnished house, one core, CRF 21: H.264

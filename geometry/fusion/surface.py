@@ -137,7 +137,8 @@ def smooth_normals(mesh: ScanMesh, rounds: int) -> Array:
 
 def sums(index: I32 | I64, values: Floats, count: int) -> Array:
     """Return the sums (count, 3) of the values (N, 3) that have each index (N,)."""
-    return np.stack([np.bincount(index, values[:, k], count) for k in range(3)], axis=1)
+    columns = [np.bincount(index, values[:, k], count) for k in range(3)]
+    return np.stack(columns, axis=1, dtype=np.float64)
 
 
 def unit(vectors: Array) -> Array:

@@ -47,10 +47,8 @@ class Level:
         names = ("position", "covariance", "opacity", "coefficients")
         rows = np.cumsum([0, *(len(level.position) for level in levels)])
         starts = [level.starts[:-1] + row for level, row in zip(levels, rows, strict=False)]
-        return Level(
-            *(np.concatenate([getattr(level, name) for level in levels]) for name in names),
-            np.concatenate([*starts, rows[-1:]]).astype(np.int64),
-        )
+        values = {name: np.concatenate([getattr(v, name) for v in levels]) for name in names}
+        return Level(**values, starts=np.concatenate([*starts, rows[-1:]]).astype(np.int64))
 
 
 def merged(level: Level, *, antialiased: bool) -> Level:

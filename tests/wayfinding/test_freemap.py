@@ -62,7 +62,7 @@ def test_distance_through_a_doorway_is_that_of_the_taut_string(two_rooms):
     freemap = two_rooms.freemap(0)
     # From the far corner of one room round the doorway's jamb to that of the other.
     start, goal = np.array([0.7, 0.6]), np.array([5.0, 0.6])
-    true = path_length([start, (4 - 0.05, 1.5), (4 + 0.05, 1.5), goal])
+    true = path_length(np.array([start, (4 - 0.05, 1.5), (4 + 0.05, 1.5), goal]))
     assert true - 0.05 <= float(distance_field(freemap, goal).at(start)) <= true + 0.1
 
 
