@@ -16,7 +16,12 @@ from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.video.depth_codes import codes_to_depth, depth_to_codes
 from vlnpe.formats.video.id_video import IdVideoWriter, read_id_video
-from vlnpe.formats.video.mp4 import read_depth_video, read_rgb_video, write_depth_video, write_rgb_video
+from vlnpe.formats.video.mp4 import (
+    read_depth_video,
+    read_rgb_video,
+    write_depth_video,
+    write_rgb_video,
+)
 from vlnpe.formats.video.mux import concatenate_videos
 from vlnpe.formats.video.stream import probe_video
 
