@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.support.scenes import scans
-from vlnpe.apartments.generate import ApartmentConfig, build_scene
+from vlnpe.apartments import ApartmentConfig, build_scene
 from vlnpe.formats.core.errors import SceneError, UnknownNameError
 from vlnpe.pipeline.cli import main
 from vlnpe.scene_repair.config import UNIT_M, RepairConfig

@@ -39,6 +39,12 @@ def only_default_codecs(root: Path) -> None:
         pytest.skip("done once, with the default codecs")
 
 
+def command(name: str, *arguments: object, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command of an installed package."""
+    words = [str(Path(sys.executable).with_name(name)), *map(str, arguments)]
+    return subprocess.run(words, cwd=cwd, env=ENVIRONMENT, capture_output=True, text=True)
+
+
 def test_lerobot_aggregates_two_of_ours(datasets: list[Path], tmp_path: Path) -> None:
     from lerobot.datasets.aggregate import aggregate_datasets
 
@@ -104,8 +110,7 @@ def test_streaming_reads_all_frames(datasets: list[Path], monkeypatch: pytest.Mo
 
 
 def test_lerobot_doctor_finds_no_fault(datasets: list[Path], tmp_path: Path) -> None:
-    doctor = [Path(sys.executable).with_name("lerobot-doctor"), "check", "--ci", datasets[0]]
-    done = subprocess.run(doctor, cwd=tmp_path, env=ENVIRONMENT, capture_output=True, text=True)
+    done = command("lerobot-doctor", "check", "--ci", datasets[0], cwd=tmp_path)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-2000:]
     report = json.loads(done.stdout[done.stdout.index("{") : done.stdout.rindex("}") + 1])
     assert report["summary"]["FAIL"] == 0
