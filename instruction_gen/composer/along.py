@@ -7,7 +7,7 @@ from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .names import Names
 from .records import Event, Taste
-from .refer import at_start, passed
+from .refer import at_start, passed, room_at
 
 PASS_DOOR_M = 1.8
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
@@ -24,7 +24,7 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     kinds: dict[str, str] = {}
 
     def near(mark: LandmarkFact) -> float | None:
-        found = None if looks_away else at_start(mark)
+        found = None if looks_away else at_start(mark, facts)
         if found is not None:
             kinds[mark.name] = found[0]
         return found[1] if found else None
@@ -116,7 +116,7 @@ def with_distances(
     for event in events:
         gap = event.along_m - before
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
-        room = _room_at(facts, before + 0.5 * gap)
+        room = room_at(facts, before + 0.5 * gap)
         beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
         gap = gap if taste.voice != "terse" else gap - _LONG_M
         if (
@@ -150,7 +150,3 @@ def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
         within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
         result.append(replace(event, bent=any(within)))
     return result
-
-
-def _room_at(facts: PathFacts, along_m: float) -> str:
-    return next((v.room for v in facts.visits if along_m <= v.to_m), "")

@@ -16,7 +16,7 @@ from .steps import ambiguous, move_events
 from .stop import stop_events
 
 STYLES = VOICES
-DRAFTS = 24  # written for each text, the best is taken
+DRAFTS = 32  # written for each text, the best is taken
 WORDS = {"terse": (5, 9), "natural": (21, 28), "rich": (37, 55)}
 _MOST_CHECKED = 16
 

@@ -109,9 +109,13 @@ def at_turn(mark: LandmarkFact, along_m: float) -> float | None:
     return min(near) if ahead else None
 
 
-def in_view(mark: LandmarkFact, along_m: float, within_deg: float, reach_m: float) -> float | None:
-    """Return how far a thing is that is in view ahead at a place of the path [m], else None."""
+def in_view(
+    mark: LandmarkFact, facts: PathFacts, along_m: float, within_deg: float, reach_m: float
+) -> float | None:
+    """Return how far a thing in the same room is that is in view ahead [m], else None."""
     m = moment_at(mark, along_m)
+    if mark.room not in ("", room_at(facts, along_m)):
+        return None
     seen = m is not None and mark.nameable and (m.open or m.pixels >= _SEEN_PIXELS)
     if (
         m is None
@@ -129,10 +133,16 @@ def moment_at(mark: LandmarkFact, along_m: float) -> Moment | None:
     return best if best is not None and abs(best.along_m - along_m) <= 0.2 else None
 
 
-def at_start(mark: LandmarkFact) -> tuple[str, float] | None:
+def room_at(facts: PathFacts, along_m: float) -> str:
+    """Return the room at a place of the path, "" when unknown."""
+    return next((v.room for v in facts.visits if along_m <= v.to_m), "")
+
+
+def at_start(mark: LandmarkFact, facts: PathFacts) -> tuple[str, float] | None:
     """Return `facing`, `behind` or `beside_start` and how far a thing is at the start [m]."""
     m = moment_at(mark, 0.0)
     steers = mark.nameable or mark.noun == "window" or mark.noun not in PLAIN
+    steers = steers and mark.room in ("", facts.visits[0].room)
     if m is None or not (m.open and steers and mark.size_m >= _STARTS_AT_M):
         return None
     off = abs(m.facing_deg)
@@ -151,8 +161,7 @@ def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) ->
     """Return whether a thing is passed between two places of the path [m]."""
     beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
     # What one sees through a door is not passed.
-    room = next((v.room for v in facts.visits if mark.along_m <= v.to_m), "")
-    here = not mark.room or mark.room == room
+    here = mark.room in ("", room_at(facts, mark.along_m))
     return bool(mark.nameable and beside and here and came_by(mark))
 
 

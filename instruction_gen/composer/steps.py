@@ -170,8 +170,8 @@ def _turn(move: Move, facts: PathFacts, names: Names, taste: Taste) -> Event:
     if names.rng.random() < taste.marks:
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
-            ("turn_to", lambda m: in_view(m, along + 0.75, 35.0, 5.0)),
-            ("cue", lambda m: in_view(m, along - 1.0, 30.0, 3.2) if along > 1.2 else None),
+            ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
+            ("cue", lambda m: in_view(m, facts, along - 1.0, 30.0, 3.2) if along > 1.2 else None),
         ]
         names.rng.shuffle(options)
         for kind, near in options:
@@ -200,7 +200,7 @@ def _passage(
     def inside(mark: LandmarkFact) -> float | None:
         if mark.room != passage.to_room:
             return None
-        seen = (in_view(mark, passage.along_m + m, 75.0, 5.0) for m in within)
+        seen = (in_view(mark, facts, passage.along_m + m, 75.0, 5.0) for m in within)
         return next((far for far in seen if far is not None), None)
 
     if turn is not None and move.turn_first:
@@ -218,12 +218,12 @@ def _passage(
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
         return replace(event, kind=str(rng.choice(kinds)))
     if turn is not None:
-        if slight or (
-            first and event.A and rng.random() < (0.8 if taste.voice == "terse" else 0.3)
-        ):
+        out = rng.random() < (0.8 if taste.voice == "terse" else 0.3)
+        if slight or (first and event.A and out):
             kind = "leave_turn" if event.A and not slight else "enter"
             return replace(event, kind=kind)
-        ahead = names.best(lambda m: in_view(m, turn.along_m + 0.75, 35.0, 5.0)) if marked else None
+        behind_m = turn.along_m + 0.75
+        ahead = names.best(lambda m: in_view(m, facts, behind_m, 35.0, 5.0)) if marked else None
         return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)
     door = next((m for m in facts.landmarks if m.noun == passage.beside and m.nameable), None)
     marked = marked or passage.alike > 0

@@ -45,9 +45,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     near = facts.goal_near_rooms
     if len(near) == 1 and near[0] not in (v.room for v in visits):
         return Event("stop_outside", length, B=names.room(near[0]))
-    past = names.best(
-        lambda m: m.distance_m if passed(m, facts, length - _PAST_M, length - 0.4) else None
-    )
+    turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
+    from_m = max(length - _PAST_M, turned_m)
+    past = names.best(lambda m: m.distance_m if passed(m, facts, from_m, length - 0.4) else None)
     if past is not None:
         return Event("stop_past", length, X=past)
     return Event("stop_after", length, far_m=1.0)
