@@ -17,6 +17,7 @@ from ..formats.scene.bundle import load_bundle
 from ..formats.scene.visibility import Visibility
 from ..formats.vlnce.files import scene_stem
 from .checker import Ground
+from .checker.order import step_starts_m
 from .composer import Usage, compose_texts
 from .facts import LevelFacts, path_facts
 from .facts.named import Named
@@ -146,7 +147,9 @@ def instruct_episodes(
         paths.setdefault(f"{episode.scene_id}/{episode.trajectory_id}", episode)
 
     def describe(path: str, facts: PathFacts) -> Written:
-        texts, problems = write(Ground(facts), path_generator(seed, path))
+        ground = Ground(facts)
+        texts, problems = write(ground, path_generator(seed, path))
+        texts = [_timed(text, ground) for text in texts]
         taken.update(text.text for text in texts)
         return texts, problems
 
@@ -210,6 +213,12 @@ def _writer(
     client = Client(settings, cache, backend_of(settings, texts=config.count))
     result.model.append(client)
     return ModelWriter(client, config)
+
+
+def _timed(text: WrittenText, ground: Ground) -> WrittenText:
+    """Return the text with where its steps begin, if its words are those of the steps."""
+    own = text.language == "en"
+    return replace(text, from_m=step_starts_m(text.steps, ground)) if own else text
 
 
 def composer_writer(

@@ -77,6 +77,7 @@ class WrittenText:
         attempts: drafts it took.
         model: of a language model, "" otherwise.
         steps: it says, with their claims; of a text in another language those of its translation.
+        from_m: how far along the path each step begins; only of texts whose words the steps are.
         unchecked: words that no claim covers: such a text is exported if a person vouches for it.
     """
 
@@ -89,6 +90,7 @@ class WrittenText:
     model: str = ""
     steps: tuple[Step, ...] = ()
     unchecked: tuple[str, ...] = ()
+    from_m: tuple[float, ...] = ()
 
     def record(self) -> dict[str, Any]:
         """Return it as JSON."""
@@ -102,5 +104,6 @@ class WrittenText:
             "attempts": self.attempts,
             "model": self.model,
             "claims": [step_record(step) for step in self.steps],
+            **({"from_m": list(self.from_m)} if self.from_m else {}),
             **open_,
         }

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..language.claims import Claim
+from ..language.claims import Claim, Step
 from .ground import Ground
 from .things import Mask, Place, room_names, spread
 from .turns import Turns
@@ -34,6 +34,19 @@ def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) 
     return _Walk(ground, claims, owners).run()
 
 
+def step_starts_m(steps: Sequence[Step], ground: Ground) -> tuple[float, ...]:
+    """Return how far along the path each step begins: where all before it can be done [m]."""
+    owners = [k for k, step in enumerate(steps) for _ in step.claims]
+    walk = _Walk(ground, [claim for step in steps for claim in step.claims], owners)
+    walk.run()
+    starts_m, done_m = [], 0.0
+    for number in range(len(steps)):
+        starts_m.append(round(done_m, 2))
+        own = (m for m, owner in zip(walk.done_m, owners, strict=True) if owner == number)
+        done_m = max(done_m, *own, 0.0)
+    return tuple(starts_m)
+
+
 class _Walk:
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
         self.ground, self.claims, self.owners = ground, claims, owners
@@ -45,6 +58,7 @@ class _Walk:
         self.tight: States | None = None  # after a distance: where it led
         self.last: list[Mask] = []  # where the last place that is named may be
         self.index = 0
+        self.done_m: list[float] = []  # how far along each claim is done, at the earliest
 
     def run(self) -> list[Problem]:
         """Return the problems of all claims."""
@@ -69,6 +83,8 @@ class _Walk:
                     passed_m = max(passed_m, at_m or passed_m)
             if reason:
                 problems.append(Problem(index, reason))
+            here = self.states.values()
+            self.done_m.append(min(float(self.along[np.argmax(mask)]) for mask in here))
         if not problems and self.claims and (left := self._left_out()):
             problems.append(Problem(len(self.claims) - 1, left))
         return problems

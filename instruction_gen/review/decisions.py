@@ -14,6 +14,8 @@ from ...formats.core.errors import FileFormatError, InputError
 
 UNCHECKED = "words that no claim covers and no reviewer vouches for"
 ACTIONS = ("accept", "edit", "reject", "undo")
+# What is recorded of the words of a text, and does not hold after an edit.
+OF_THE_WORDS = ("landmarks", "claims", "from_m", "unchecked")
 
 
 @dataclass(frozen=True)
@@ -164,5 +166,5 @@ def _judged(record: dict[str, Any], text: str, vouched: bool) -> dict[str, Any]:
         record = {**record, "vouched": True}
     if record["text"] == text:
         return record
-    kept = {key: v for key, v in record.items() if key not in ("landmarks", "claims", "unchecked")}
+    kept = {key: v for key, v in record.items() if key not in OF_THE_WORDS}
     return {**kept, "text": text, "edited": True}

@@ -368,6 +368,12 @@ def test_claims_are_kept_beside_the_texts(two_rooms):
         steps = read_steps(json.loads(json.dumps(record["claims"])))
         assert " ".join(step.words for step in steps) == record["text"]
         assert check_text(record["text"], ground, steps).ok
+        # Each step begins where those before it are done: what enters the room ends at its door.
+        assert record["from_m"][0] == 0.0 and record["from_m"] == sorted(record["from_m"])
+        (door,) = ground.facts.passages
+        entering = [any(c.kind in ("enter", "door") for c in step.claims) for step in steps]
+        after = dict(zip(entering[:-1], record["from_m"][1:], strict=True)).get(True, door.along_m)
+        assert door.along_m - 1.0 <= after <= ground.facts.length_m
 
 
 def test_doorways_of_rooms_of_one_name_are_told_apart(two_rooms):
