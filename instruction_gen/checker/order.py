@@ -16,6 +16,7 @@ from .turns import Turns
 
 States = dict[int, Mask]
 
+_EARLY_M = 1.0  # a claim about a place already holds so far before it
 _ORDER_M = 1.0  # things this near to each other may be passed in either order
 _SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 1.0, "enter": 1.0, "leave": 1.0,
             "door": 1.2}  # fmt: skip
@@ -58,7 +59,7 @@ class _Walk:
         self.tight: States | None = None  # after a distance: where it led
         self.last: list[Mask] = []  # where the last place that is named may be
         self.index = 0
-        self.done_m: list[float] = []  # how far along each claim is done, at the earliest
+        self.done_m: list[float] = []  # how far along each claim is done
 
     def run(self) -> list[Problem]:
         """Return the problems of all claims."""
@@ -83,11 +84,19 @@ class _Walk:
                     passed_m = max(passed_m, at_m or passed_m)
             if reason:
                 problems.append(Problem(index, reason))
-            here = self.states.values()
-            self.done_m.append(min(float(self.along[np.argmax(mask)]) for mask in here))
+            self.done_m.append(min(self._middle_m(mask) for mask in self.states.values()))
         if not problems and self.claims and (left := self._left_out()):
             problems.append(Problem(len(self.claims) - 1, left))
         return problems
+
+    def _middle_m(self, mask: Mask) -> float:
+        """Return the middle of the first places where the walker may be, which begin too early."""
+        first = int(np.argmax(mask))
+        left = np.flatnonzero(~mask[first:])
+        last = first + int(left[0]) - 1 if len(left) else len(mask) - 1
+        return float(
+            min(0.5 * (self.along[first] + self.along[last]), self.along[first] + _EARLY_M)
+        )
 
     # claims -----------------------------------------------------------------------------------
 
