@@ -7,7 +7,7 @@ import numpy as np
 from ..facts.doors import DOOR
 from ..facts.records import PassageFact
 from ..language.claims import Claim
-from .things import Mask, Place, Things, room_names, spoken_side
+from .things import BESIDE_M, Mask, Place, Things, room_names, spoken_side
 
 _DOOR_M = 0.9  # around the middle of a passage
 _DOOR_SIDE_DEG = 10.0
@@ -46,12 +46,29 @@ class Ground(Things):
         if ends:
             mask |= self.between(self.length_m - 1.0, self.length_m)
         if claim.ordinal and mask.any():
-            keep = self.ordinal(doors, claim) if doors else np.zeros(0, dtype=bool)
-            near = [self.distance[n] <= _DOOR_M for n, k in zip(doors, keep, strict=True) if k]
-            mask &= np.any(near, axis=0) if near else False
-            if not mask.any():
-                return mask, f"that is not doorway number {claim.ordinal}"
+            counted = [p for p in sided if claim.ordinal in self._door_numbers(p, claim.side)]
+            if not counted:
+                return mask & False, f"that is not doorway number {claim.ordinal}"
+            mask = np.any([self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
+                           for p in counted], axis=0)  # fmt: skip
         return mask, "" if mask.any() else "the path goes through no doorway"
+
+    def _door_numbers(self, passage: PassageFact, side: str) -> set[int]:
+        """Return the numbers of a doorway among those of the room that is left, −1 for the last.
+
+        They are counted from where the room is entered, with that doorway or without it.
+        """
+        visit = self.facts.visits[self.facts.passages.index(passage)]
+        row = [n for n in self.meant(Claim("door", "door")) if self.near_m[n].min() <= BESIDE_M]
+        if side in ("left", "right"):
+            on_side = self.sided(row, side) & (self.near_m[row] <= BESIDE_M)
+            row = [n for n, here in zip(row, on_side, strict=True) if here.any()]
+        along = [self.facts.landmarks[n].along_m for n in row]
+        numbers = {passage.ordinal} - {0}
+        for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
+            numbers.add(1 + sum(first_m <= a < passage.along_m - 0.5 for a in along))
+        last = not any(passage.along_m + 0.8 < a <= visit.to_m for a in along)
+        return numbers | ({-1} if last else set())
 
     def _crossed(self, claim: Claim, room, ends: Sequence[str], fault: str) -> Place:
         names = room_names(claim.name)
@@ -156,7 +173,8 @@ class Ground(Things):
         """Return why the path does not stop at or in a doorway."""
         facts, names = self.facts, room_names(claim.room)
         reach = 1.3 if claim.place == "doorway" else 2.2
-        doors = [m for m in facts.landmarks if m.noun == DOOR and m.goal_distance_m <= reach]
+        doors = [m for m in facts.landmarks if m.noun == DOOR and m.goal_distance_m <= reach
+                 and (not names or names & set(m.leads))]  # fmt: skip
         last = facts.passages[-1] if facts.passages else None
         since = self.length_m - last.along_m if last else np.inf
         if not doors and since > reach:

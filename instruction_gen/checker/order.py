@@ -111,9 +111,11 @@ class _Walk:
         if claim.kind in ("door", "enter", "leave", "in"):
             return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
         # Who has gone through a door does not mean what is on this side of it.
-        through = self.claims[self.index - 1].kind in ("leave", "enter", "door")
-        rank = 0.5 if self.index and through else 0.0
-        since = min(int(np.quantile(np.flatnonzero(m), rank)) for m in self.states.values())
+        before = self.claims[self.index - 1]
+        through = before.kind in ("leave", "enter", "door")
+        apart = self.index and self.owners[self.index - 1] != self.owners[self.index]
+        first_m = min(float(self.along[np.argmax(here)]) for here in self.states.values())
+        since = int(np.searchsorted(self.along, first_m + 0.9 * (apart and through) - 0.1))
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
             claim, since
         )

@@ -15,9 +15,10 @@ Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
 
 PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
 # How far from a thing the path may end, by the claim's place.
-_STOP_M = {"before": 2.8, "past": 3.2, "between": 2.4}
+_STOP_M = {"before": 2.4, "past": 3.2, "between": 2.4}
 _STOP_SIDED_M = {"": 2.0, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
+_CLEARLY_M = 0.5  # by how much the thing that is meant is the nearest
 _AT_HAND_M = 1.8
 _ONE_PLACE_M = 3.0  # things of a name that are met this close together may all be meant
 _VISIBLE_PIXELS = 12
@@ -116,8 +117,13 @@ class Things:
 
     def abeam_m(self, claim: Claim) -> float | None:
         """Return where a thing is passed [m]; None if several may be meant."""
-        near = [n for n in self.meant(claim) if (self.near_m[n] <= PASS_M).any()]
-        if len(near) != 1 or self.distance[near[0]].min() <= 0.1:  # walked over
+        near = sorted(self.meant(claim), key=lambda n: self.near_m[n].min())
+        least = [self.near_m[n].min() for n in near[:2]]
+        if (
+            not near
+            or not 0.1 < least[0] <= PASS_M
+            or least[-1] < least[0] + _CLEARLY_M * (len(least) > 1)
+        ):  # none, a rug that is walked over, or one of several
             return None
         across = np.abs(np.abs(self.facing[near[0]]) - 90.0) / 15.0 + self.near_m[near[0]]
         return float(self.along_m[np.argmin(across)])

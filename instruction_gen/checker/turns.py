@@ -62,6 +62,9 @@ class Turns:
         """
         result: dict[int, Mask] = {}
         ground, first = self.ground, float(self.along[np.argmax(here)])
+        behind = index > 0 and self.claims[index - 1].kind in ("leave", "enter", "door")
+        # Behind a door: what bends well before it is another turn.
+        from_m = first + 0.1 if behind else first - _SLACK_M
         limit = self.limit_m(made, index, first)
         for k in range(made, len(self.turns)):
             if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
@@ -69,7 +72,7 @@ class Turns:
             for end in self._bends(k, claim):
                 last = self.turns[end - 1].along_m
                 around = ground.between(self.turns[k].along_m - 1.2, last + 1.2)
-                if last < first - _SLACK_M or (tight is not None and not (tight & around).any()):
+                if last < from_m or (tight is not None and not (tight & around).any()):
                     continue
                 at = ground.between(self.turns[k].along_m - 0.2, last + 0.5)
                 result[end] = result.get(end, np.zeros_like(at)) | at

@@ -37,7 +37,7 @@ def _turned(claims: list[Claim]) -> list[Claim]:
     """Return the claims of a turn and what follows it, in the order of the walk."""
     marks = [c for c in claims[1:] if c.kind in ("reach", "see") and c.what in ("thing", "door")]
     turn, *rest = [c for c in claims if c not in marks]
-    if rest and rest[0].kind in ("enter", "door") and not rest[0].side \
+    if rest and rest[0].kind in ("enter", "door", "leave") and not rest[0].side \
             and turn.side in ("left", "right"):  # fmt: skip
         rest[0] = replace(rest[0], side=turn.side)  # "turn left into the kitchen"
     return [*marks, turn, *rest]

@@ -186,14 +186,18 @@ class _Reader:
                 clause.used.add(k)
                 k += 1
             elif (part := part_end(tokens, k)) > k:
-                k = part
+                k, prep = part, "along" if prep == "to" else prep
             elif (not verb_at(tokens, k) or word == "exit") and (phrase := read_phrase(tokens, k)):
                 target, end = phrase
                 clause.used.update(target.used)
                 if side_next and not target.side:
                     target, side_next = replace(target, side=side_next), ""
                 claim = self._target(clause, target, prep, stop)
-                claims += [claim] if claim is not None else []
+                if claim is not None:
+                    if claim.kind == "enter" and claims and claims[-1].kind == "door":
+                        # "The door on the left into the kitchen" is that of the kitchen.
+                        claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
+                    claims.append(claim)
                 k, prep = end, ""
             elif word in PRONOUNS and self.thing is not None and _is_sided(tokens, k):
                 kind, place = ("stop", "at") if stop else ("see", "")
