@@ -17,14 +17,14 @@ from ..summary import print_result, print_stages
 def run_convert(options: Convert) -> int:
     """Convert all episodes of a source."""
     chosen, target = _options(options), options.to
-    check_name("format", target, (*convert_source.Kind, *LAYOUTS))
+    check_name("--to", target, (*convert_source.Kind, *LAYOUTS))
     check_balance(target, options.balance)
     if options.from_ in LAYOUTS:
         raise InputError(f"--from {options.from_}: this layout {convert_source.LACKS_POSES}")
     sources = convert_source.detect_all(options.source)
     kinds = sorted({str(source.kind) for source in sources})
     if options.from_ and [options.from_] != kinds:
-        check_name("format", options.from_, (*convert_source.Kind, *LAYOUTS))
+        check_name("--from", options.from_, (*convert_source.Kind, *LAYOUTS))
         raise InputError(f"--from {options.from_}: {options.source} has the format {kinds[0]}")
     if kinds == [target]:
         raise InputError(f"{options.source} already has the format {target}; choose another --to")

@@ -99,7 +99,7 @@ def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, in
         (["--to", "lerobot", "--from", "streamvln"], "lacks the robot's poses"),
         (["--to", "lerobot", "--from", "navdp"], "cannot be converted back"),
         (["--to", "mcap", "--from", "n1"], "has the format lerobot"),
-        (["--to", "mcap", "--from", "bag"], "unknown format 'bag'"),
+        (["--to", "mcap", "--from", "bag"], "unknown --from 'bag'"),
     ],
 )
 def test_mistakes_are_one_line(

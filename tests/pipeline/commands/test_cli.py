@@ -223,7 +223,7 @@ def test_a_missing_option_is_answered_with_one_line(
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["convert", "data", "--to", "rlds"], "unknown --to 'rlds'; valid: lerobot, mcap, n1"),
+        (["convert", "data", "--to", "rlds"], "unknown --to 'rlds'; valid: internvla-n1, lerobot"),
         (["convert", "data", "--to=mcp"], "unknown --to 'mcp' (did you mean mcap?); valid: "),
         (["convert", "d", "--to=n1", "--scan", "r2r_h1"], "unknown --scan 'r2r_h1'"),
     ],

@@ -74,7 +74,7 @@ def test_prints_one_line_per_finding(capsys: pytest.CaptureFixture[str], tmp_pat
 
 def test_json_is_one_object(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     answer = ask(capsys, tmp_path)
-    assert answer.keys() == {"findings", "remedy"}
+    assert answer.keys() == {"out", "findings", "remedy"}
     for finding in answer["findings"]:
         assert finding.keys() == {"subject", "good", "seen", "missing_extra"}
         assert finding["seen"]
