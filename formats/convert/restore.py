@@ -19,10 +19,10 @@ import pyarrow.parquet as pq
 from ..core.atomic import atomic_file, write_bytes, write_json
 from ..core.errors import FileFormatError
 from ..lerobot.card import FILM_STRIP, CameraFacts, CardFacts, dataset_card
-from ..lerobot.episode_columns import EPISODE_COLUMNS, camera_of
+from ..lerobot.episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, camera_of
 from ..lerobot.layout import PROVENANCE_PATH, SPLITS_PATH
 from ..untrusted.files import check_input
-from ..untrusted.tables import read_table
+from ..untrusted.tables import read_schema, read_table
 from .dataset import episode_files, open_dataset, read_facts, read_info
 
 # What identifies an episode; LeRobot's tools copy both.
@@ -48,11 +48,12 @@ def restore(root: Path, originals: Sequence[Path]) -> Restored:
     known: dict[str, tuple[Path, dict[str, Any]]] = {}
     for original in originals:
         open_dataset(original)  # whole, and with all columns
-        names = ["episode_index", *EPISODE_COLUMNS]
         digests = _digests(original)
         for path in episode_files(original):
+            written = set(read_schema(path, root=original).names)
+            names = ["episode_index", *(key for key in EPISODE_COLUMNS if key in written)]
             for row in read_table(path, names, root=original).to_pylist():
-                known[digests[row.pop("episode_index")]] = (original, row)
+                known[digests[row.pop("episode_index")]] = (original, LATER_COLUMNS | row)
     own = _digests(root)
     lost = sorted(number for number, digest in own.items() if digest not in known)
     if lost:

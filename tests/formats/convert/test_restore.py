@@ -18,7 +18,7 @@ from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.episodes import mcap_from_unit, unit_from_dataset
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import assemble_dataset
-from vlnpe.formats.lerobot.episode_columns import EPISODE_COLUMNS
+from vlnpe.formats.lerobot.episode_columns import EPISODE_COLUMNS, LATER_COLUMNS
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.publish import plan_release
 
@@ -116,6 +116,16 @@ def test_restored_datasets_are_whole(
 
     again: Any = LeRobotDataset("vlnpe/set", root=root, video_backend="pyav")
     assert again.num_episodes == len(EDITS[edit]) and len(again[0]["observation.images.rgb"]) == 3
+
+
+def test_an_original_without_later_columns_restores(
+    edited: dict[str, Path], original: Path, tmp_path: Path
+) -> None:
+    older, root = copy(original, tmp_path / "older"), copy(edited["split"], tmp_path / "set")
+    (path,) = (older / "meta/episodes").rglob("*.parquet")
+    pq.write_table(pq.read_table(path).drop_columns(list(LATER_COLUMNS)), path)
+    assert main(["restore", str(root), "--original", str(older)]) == 0
+    assert all(row[key] == value for row in columns(root) for key, value in LATER_COLUMNS.items())
 
 
 def test_an_episode_of_another_dataset_is_named(
