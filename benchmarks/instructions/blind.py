@@ -1,8 +1,9 @@
 """Truths and lies written one by one: python -m benchmarks.instructions.blind [--half sealed]
 
-The part `blind` of the corpus: texts in three voices about paths of four buildings, written from
-maps and facts. One half was set aside while the checker was worked on. Printed are the lies caught
-and the truths refused, with 95 % intervals, of texts alone and of texts that come with claims:
+The parts `blind` and `blind2` of the corpus: texts in three voices, written from facts by one who
+knew the checker. Half of `blind` was sealed while the checker was worked on and corrected after it
+was opened; `blind2`, the half `second`, was written and measured after that. Printed are the lies
+caught and the truths refused, with 95 % intervals, of texts alone and of texts with claims:
 
 - `alone`: claims are read from the text.
 - `with claims`: each sentence comes with what it claims, as one who lies in both would deliver it.
@@ -29,14 +30,16 @@ from vlnpe.instruction_gen.language.reader import read_text
 from .corpus import Entry, read_corpus
 from .lies import KINDS
 
-HALVES = ("open", "sealed")
+HALVES = ("open", "sealed", "second")
 TRUE = "true"
 _SENTENCE = re.compile(r"[^.!?]+[.!?]+")
 _Z = 1.96
 
 
-def half_of(text: str) -> str:
-    """Return the half that a text belongs to."""
+def half_of(entry: Entry, text: str) -> str:
+    """Return the half that a text of a path belongs to."""
+    if entry.part == "blind2":
+        return "second"
     return HALVES[hashlib.sha256(text.encode()).digest()[0] % 2]
 
 
@@ -45,7 +48,7 @@ def written(entries: Sequence[Entry], half: str) -> Iterator[tuple[Entry, str, s
     for entry in entries:
         texts = [(TRUE, text) for text in entry.texts]
         texts += [(lie["kind"], lie["text"]) for lie in entry.lies]
-        yield from ((entry, kind, text) for kind, text in texts if half_of(text) == half)
+        yield from ((entry, kind, text) for kind, text in texts if half_of(entry, text) == half)
 
 
 def delivered(text: str) -> list[Step]:
@@ -118,7 +121,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--half", choices=HALVES, action="append")
     options = parser.parse_args()
-    entries = read_corpus(Path("none"), None, ("blind",))
+    entries = read_corpus(Path("none"), None, ("blind", "blind2"))
     result = {half: tables(entries, half) for half in options.half or HALVES}
     sys.stdout.write(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
 

@@ -23,7 +23,8 @@ Parts, in the order in which they were written:
 - `sealed5`: likewise by two more writers in eight voices about three more apartments and a villa.
 - `sealed6`: likewise by two more writers about four more apartments; its paths were sampled on the
   plans of the buildings.
-- `blind`: truths and lies in three voices about two apartments and two villas, see `blind.py`.
+- `blind`: truths and lies in three voices about two apartments and two villas, see `blind.py`;
+  `blind2` likewise about paths of three older buildings, after the corrections to `blind`.
 - `model`, `sealed_model`: by a large language model that answered the requests of `--writer llm`
   about six apartments and two villas, those that passed at the first try. The checker and the
   facts that are sent were worked on with what was refused of the first half.
@@ -56,7 +57,7 @@ FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
     *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced", "sealed4"),
-    *("sealed5", "sealed6", "blind", "model", "sealed_model"),
+    *("sealed5", "sealed6", "blind", "blind2", "model", "sealed_model"),
 )
 
 
