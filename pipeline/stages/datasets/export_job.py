@@ -39,7 +39,7 @@ class UnitJob:
         if self.number is not None:
             texts = per_instruction(recorded.episode)
             if self.number >= len(texts):
-                raise VlnpeError(f"instruction {self.number + 1} was rejected in review")
+                raise VlnpeError(f"instruction {self.number + 1} was left out in review")
             recorded = replace(recorded, episode=texts[self.number])
         write_episode_unit(self.out, recorded, seen, depth_storage=self.depth_storage)
         facts = {
