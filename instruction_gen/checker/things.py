@@ -244,10 +244,12 @@ class Things:
         if claim.side in ("left", "right"):
             on_side = self.sided(near, claim.side) & (self.near_m[near] <= BESIDE_M)
             rows.append([n for n, row in zip(near, on_side, strict=True) if row.any()])
+            # What is passed on the other side is on this one only behind a later turn.
+            rows.append([n for n in rows[1] if marks[n].side in ("", claim.side)])
         for visit in self.facts.visits:
             for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
                 rows += [[n for n in row if first_m <= marks[n].along_m <= visit.to_m + 0.5]
-                         for row in rows[:2]]  # fmt: skip
+                         for row in rows[:3]]  # fmt: skip
         k = claim.ordinal - 1 if claim.ordinal > 0 else -1
         right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
         return np.array([n in right for n in chosen], dtype=bool)
