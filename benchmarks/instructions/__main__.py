@@ -3,8 +3,8 @@
 
 The corpus (`corpus/*.json`) is measured by parts on the scenes in FOLDER; generated buildings that
 are missing there need no scan. Each RUN is a folder with scenes/<scene>,
-episodes/sampled/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; the composer
-is measured on it.
+episodes/sampled/<scene>.json.gz and facts/<scene>.seen.json, as `vlnpe collect` writes them; the
+composer is measured on it.
 """
 
 import argparse

@@ -83,7 +83,8 @@ def moves(facts: PathFacts) -> list[Move]:
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
         if n + 1 < len(turns):  # the doorway belongs to the turn that is nearer to it
             high = min(high, turns[n + 1].along_m)
-        after = next((p for p in passages if low <= p.along_m <= high), None)
+        aside = (p for p in passages if p.side == turn.side)  # not a door straight ahead
+        after = next((p for p in aside if low <= p.along_m <= high), None)
         before = next(
             (p for p in passages if 0 < turn.along_m - p.along_m <= _TURN_AFTER_DOOR_M), None
         )
