@@ -10,12 +10,10 @@ from ..collectors.controllers.interface import Task
 from ..collectors.replay.replay import ReplayConfig, replay_in
 from ..collectors.replay.world import World
 from ..formats.core.episode import Episode
-from ..formats.core.rollout import Action, Rollout
+from ..formats.core.rollout import DAGGER, Action, Rollout
 from .episode import PolicyChooser
 from .observation import Eye, Observation, checked_action
 from .policy import Assignment, Policy
-
-CONTROLLER = "dagger"  # of a walk that a policy and the expert share
 
 
 class Mixture:
@@ -115,7 +113,7 @@ def labelled_walk(
     facts = {"expert_share": expert_share, "agreed": agreed, "actions": len(walk.advice)}
     return replace(
         rollout,
-        controller=CONTROLLER,
+        controller=DAGGER,
         labels=tuple(walk.advice),
         facts={**rollout.facts, "dagger": facts},
     )

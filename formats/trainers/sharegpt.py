@@ -50,4 +50,5 @@ SHAREGPT = Layout(
     "ShareGPT",
     lambda out, sources, subset: write_answers(_ShareGpt(), out, sources, subset),
     balance="natural",
+    labels=True,
 )

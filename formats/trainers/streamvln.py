@@ -46,4 +46,4 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     return Written(frames, len(records), counts, counts)
 
 
-STREAMVLN = Layout("streamvln", "StreamVLN", write)
+STREAMVLN = Layout("streamvln", "StreamVLN", write, labels=True)

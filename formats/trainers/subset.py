@@ -67,6 +67,7 @@ class Layout:
         balance: Default balance; empty where records are whole episodes, which are not repeated.
         per_scene: Whether each scene has a folder of its own, which its loaders list.
         depth: Whether it holds depth.
+        labels: Whether it takes walks of DAgger, whose actions do not lead to the next frame.
     """
 
     name: str
@@ -75,6 +76,7 @@ class Layout:
     balance: str = ""
     per_scene: bool = False
     depth: bool = False
+    labels: bool = False
 
 
 class Answers(Protocol):

@@ -13,7 +13,7 @@ from ..convert.frame_rollout import start_frame, to_world
 from ..core.camera import CameraModel
 from ..core.errors import FileFormatError
 from ..core.frames import quat_multiply, quat_to_matrix, yaw_to_quat
-from ..core.rollout import TURN_STEP_RAD
+from ..core.rollout import DAGGER, TURN_STEP_RAD
 from ..lerobot.episode_columns import camera_of
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit, read_episode_unit
@@ -62,8 +62,15 @@ class Walk:
         return camera_of(self.unit.columns)
 
     def steps(self, turn_rad: float = TURN_STEP_RAD) -> DiscreteSteps:
-        """Return the discrete steps that end where the robot did when executed."""
-        return discrete_steps(planar_poses(self.rows["observation.state"]), turn_rad)
+        """Return the discrete steps that end where the robot did when executed.
+
+        In a walk of DAgger every frame is one, with the expert's action.
+        """
+        poses = planar_poses(self.rows["observation.state"])
+        if self.unit.columns["controller"] == DAGGER:
+            actions = self.rows["action.discrete"].ravel().astype(np.int64)
+            return DiscreteSteps(np.arange(len(actions)), actions, poses)
+        return discrete_steps(poses, turn_rad)
 
     def camera_poses(self) -> NDArray[np.float64]:
         """Return the camera's pose (T, 4, 4) in the world at each frame, optical axes."""

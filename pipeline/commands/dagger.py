@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from ...evaluation.episode import closed_loop
-from ...evaluation.guided import CONTROLLER
 from ...evaluation.motions import DISCRETE
 from ...evaluation.policies.names import MODEL_POLICIES, ORACLE
 from ...evaluation.policies.registry import resolve_policy
 from ...formats.core.errors import InputError
+from ...formats.core.rollout import DAGGER
 from ...learning.card import read_card
 from ..collect.evaluation import FRAMES_PER_SECOND, chosen_test
 from ..context import open_context
@@ -66,10 +66,8 @@ def run(options: Dagger) -> int:
             actions=DISCRETE,
             expert_share=options.beta,
         )
-        dataset = export.Dataset.under(root, robot.name, CONTROLLER, view.name)
-        walks = run_stage(
-            context, replay.STAGE, items, f"{robot.name}/{CONTROLLER}/", label="dagger"
-        )
+        dataset = export.Dataset.under(root, robot.name, DAGGER, view.name)
+        walks = run_stage(context, replay.STAGE, items, f"{robot.name}/{DAGGER}/", label="dagger")
         context.ledger.record_new(root / "models")
         recorded = render.Recorded(walker.robot, walks.good(), root, scenes, folder)
         pictures = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
@@ -77,7 +75,7 @@ def run(options: Dagger) -> int:
         units = export.items(frames.good(), root, folder, dataset, walker.robot)
         facts = {
             "robot": robot.name,
-            "controller": CONTROLLER,
+            "controller": DAGGER,
             "executed_by": controller,
             "policy": identity,
             "beta": options.beta,

@@ -10,7 +10,7 @@ from typing import Any
 
 from ....formats.convert.episodes import joint_facts
 from ....formats.core.errors import InputError
-from ....formats.core.rollout import EndReason
+from ....formats.core.rollout import DAGGER, EndReason
 from ....formats.internnav.layout import scene_name
 from ....formats.internnav.writer import share_instructions
 from ....formats.lerobot import read_episode_unit
@@ -19,7 +19,7 @@ from ....formats.lerobot.splits import TRAIN, published_split
 from ....formats.lerobot.unit import EpisodeUnit
 from ....formats.trainers.answers import parse_balance
 from ....formats.trainers.registry import LAYOUTS
-from ....formats.trainers.subset import Subset, table
+from ....formats.trainers.subset import Layout, Subset, table
 from ....formats.trainers.walks import WalkSource
 from ...engine.ledger import Row
 from ...engine.rows import StageSummary
@@ -79,7 +79,7 @@ def layout_items(
         split = published_split(columns["split"], columns["scene_id"], held_out)
         level = f"-level{columns['level']}" if columns["level"] else ""
         group = (split, _file_name(columns["scene_id"]) + level if layout.per_scene else "")
-        if reason := _why_left_out(unit):
+        if reason := _why_left_out(unit, layout):
             left_out.setdefault(group, Counter())[reason] += 1
         else:
             good.append((group, row.key, unit))
@@ -158,10 +158,13 @@ def histograms(summaries: Sequence[StageSummary]) -> list[str]:
     ]
 
 
-def _why_left_out(unit: EpisodeUnit) -> str:
+def _why_left_out(unit: EpisodeUnit, layout: Layout) -> str:
     reason = unit.columns["end_reason"]
     if reason != EndReason.SUCCESS:
         return str(reason)
+    if unit.columns["controller"] == DAGGER and not layout.labels:
+        valid = ", ".join(name for name, other in LAYOUTS.items() if other.labels)
+        return f"of dagger (valid: {valid})"
     return "" if unit.task.strip() else "without an instruction"
 
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ....evaluation.guided import CONTROLLER
 from ....evaluation.policies.registry import PolicyChoice
 from ....formats.core.episode import Episode
+from ....formats.core.rollout import DAGGER
 from ....rendering.camera.views import View
 from ....rendering.registry import scene_renderer_name
 from ...engine.ledger import Row
@@ -40,7 +40,7 @@ def items(
         expert_share: see `EvaluateJob`; walks with one are labelled `dagger`.
     """
     who, result = walker_identity(walker), []
-    label = walker.config.controller if expert_share is None else CONTROLLER
+    label = walker.config.controller if expert_share is None else DAGGER
     drawn_by = renderers(episodes, scenes_folder, view.renderer)
     for episode, name in zip(episodes, walk_names(episodes, walker, label), strict=True):
         out = root / f"{name}.mcap"

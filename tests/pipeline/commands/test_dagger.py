@@ -66,6 +66,13 @@ def test_labels_are_the_experts_and_actions_the_mixtures(
     # One frame each 0.25 s, as long as an action takes.
     assert first[: len(rollout.labels) - 1] == [int(a) for a in rollout.labels[:-1]]
     assert main(["verify", str(out)]) in (0, 3)
+    capsys.readouterr()
+    dataset = data.parents[2]
+    converted = tmp_path / "converted"
+    assert main(["convert", str(dataset), "--to", "streamvln", "--out", str(converted)]) == 0
+    (records,) = converted.rglob("annotations.json")
+    record = json.loads(records.read_text())[0]
+    assert record["actions"][1:] == first[:-1]  # of the frames, not of the motion
 
 
 def test_an_expert_alone_arrives_and_a_run_is_resumed(
