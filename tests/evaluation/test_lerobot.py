@@ -258,7 +258,7 @@ def test_lerobot_eval_runs_an_act_policy_with_videos(run, act, tmp_path, batch: 
     assert info["per_task"][0]["metrics"]["successes"] == [False, False, True]
     assert info["overall"]["pc_success"] == pytest.approx(100 / 3)
     videos = sorted((tmp_path / "out" / "videos").rglob("*.mp4"))
-    assert len(videos) == 3
+    assert len(videos) == -(-3 // batch) * batch  # it also films what it does not count
     for video in videos:
         with av.open(str(video)) as opened:
             frames = list(opened.decode(video=0))
