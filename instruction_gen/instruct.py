@@ -41,14 +41,12 @@ class InstructResult:
         episodes: in the order given, without those in `failed`.
         failed: why a path has no instruction, by episode id.
         unnamed: labels of the scenes that no noun is known for, with how often they occur.
-        skeletons: sentences of the composer with slots for what varies, with how often.
         model: the client of a language model, if one was asked.
     """
 
     episodes: list[Episode]
     failed: dict[str, str] = field(default_factory=dict)
     unnamed: dict[str, int] = field(default_factory=dict)
-    skeletons: dict[str, int] = field(default_factory=dict)
     model: list[Any] = field(default_factory=list)
 
     @property
@@ -137,9 +135,8 @@ def instruct_episodes(
     """
     levels = Levels(scenes, named)
     taken: set[str] = set()
-    skeletons: dict[str, int] = {}
-    result = InstructResult([], skeletons=skeletons)
-    write = writer or _writer(config, taken, skeletons, cache, result)
+    result = InstructResult([])
+    write = writer or _writer(config, taken, cache, result)
     asked = [e for e in episodes if config.replace or not e.instruction]
     paths: dict[str, Episode] = {}
     for episode in asked:
@@ -195,12 +192,11 @@ def instruct_episodes(
 def _writer(
     config: InstructConfig,
     taken: set[str],
-    skeletons: dict[str, int],
     cache: Path,
     result: InstructResult,
 ) -> Writer:
     if config.writer == COMPOSER:
-        return composer_writer(config, taken, skeletons)
+        return composer_writer(config, taken)
     settings = config.llm
     if settings is None:
         raise InputError(f"--writer {config.writer}: no language model is configured")
@@ -221,18 +217,12 @@ def _timed(text: WrittenText, ground: Ground) -> WrittenText:
     return replace(text, from_m=step_starts_m(text.steps, ground)) if own else text
 
 
-def composer_writer(
-    config: InstructConfig, taken: set[str], skeletons: dict[str, int] | None = None
-) -> Writer:
-    """Return the composer as a writer; it avoids texts in `taken` and counts skeletons."""
-    counts = {} if skeletons is None else skeletons
+def composer_writer(config: InstructConfig, taken: set[str]) -> Writer:
+    """Return the composer as a writer; it avoids texts in `taken`."""
     usage = Usage()
 
     def write(ground: Ground, rng: np.random.Generator) -> Written:
         composed, problems = compose_texts(ground, config.count, config.styles, rng, taken, usage)
-        for one in composed:
-            for skeleton in one.skeletons:
-                counts[skeleton] = counts.get(skeleton, 0) + 1
         texts = [
             WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts, steps=c.steps)
             for c in composed

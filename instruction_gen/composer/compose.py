@@ -28,7 +28,7 @@ class Composed:
     Attributes:
         style: one of `STYLES`.
         steps: its sentences with what they claim.
-        skeletons: the kinds of events of the text.
+        kinds: of its events.
         landmarks: names of the things it speaks of, in order.
         attempts: how many drafts were checked.
     """
@@ -36,7 +36,7 @@ class Composed:
     text: str
     style: str
     steps: tuple[Step, ...]
-    skeletons: tuple[str, ...]
+    kinds: tuple[str, ...]
     landmarks: tuple[str, ...]
     attempts: int
 
@@ -129,6 +129,6 @@ def _draft(
     words = len(text.split())
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for other in others)
-    same = sum(kind in other.skeletons for kind in kinds for other in others) / max(1, len(kinds))
+    same = sum(kind in other.kinds for kind in kinds for other in others) / max(1, len(kinds))
     score = usage.repetition(text) + 8.0 * outside + 0.15 * shared + 0.3 * same
     return score, Composed(text, style, steps, kinds, marks, 0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
-from ...formats.core.geometry import path_length, point_along
+from ...formats.core.geometry import path_length
 from ...formats.scene.visibility import Visibility
 from ...wayfinding.crossings import DOORWAY_M, Crossing, crossings
 from .actions import find_turns
@@ -20,7 +20,6 @@ from .records import (
     LandmarkFact,
     PassageFact,
     PathFacts,
-    SegmentFact,
     TurnFact,
     VisitFact,
 )
@@ -64,7 +63,6 @@ def path_facts(
         level=episode.level,
         length_m=round(length, 2),
         turns=turns,
-        segments=_segments(path, turns, length),
         passages=passages,
         visits=visits,
         landmarks=landmarks,
@@ -84,18 +82,6 @@ def _others(
 ) -> tuple[str, ...]:
     """Return the names of rooms near a point other than the one said, in order."""
     return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
-
-
-def _segments(
-    path: NDArray[np.float64], turns: Sequence[TurnFact], length: float
-) -> tuple[SegmentFact, ...]:
-    knots = [0.0, *(t.along_m for t in turns if 0.3 < t.along_m < length - 0.1), length]
-    result = []
-    for a, b in pairwise(knots):
-        delta = np.diff(point_along(path, np.array([a, b])), axis=0)[0]
-        heading = float(np.rad2deg(np.arctan2(delta[1], delta[0])))
-        result.append(SegmentFact(round(a, 2), round(b, 2), round(heading, 1)))
-    return tuple(result)
 
 
 def _crossings(shared: LevelFacts, path: NDArray[np.float64], length_m: float) -> list[Crossing]:

@@ -26,20 +26,6 @@ class TurnFact:
 
 
 @dataclass(frozen=True)
-class SegmentFact:
-    """A stretch between two turns.
-
-    Attributes:
-        from_m, to_m: distances along the path [m].
-        heading_deg: world heading of its chord [deg].
-    """
-
-    from_m: float
-    to_m: float
-    heading_deg: float
-
-
-@dataclass(frozen=True)
 class PassageFact:
     """A step from one room into another.
 
@@ -209,7 +195,6 @@ class PathFacts:
         level: of the scene.
         length_m: of the path [m].
         turns: changes of heading of 20° and more, in order.
-        segments: straight stretches between them.
         passages: room changes, in order.
         visits: rooms, in order.
         landmarks: things near the path, in the order of passing.
@@ -228,7 +213,6 @@ class PathFacts:
     level: int
     length_m: float
     turns: tuple[TurnFact, ...]
-    segments: tuple[SegmentFact, ...]
     passages: tuple[PassageFact, ...]
     visits: tuple[VisitFact, ...]
     landmarks: tuple[LandmarkFact, ...]

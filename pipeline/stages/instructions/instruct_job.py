@@ -101,7 +101,6 @@ def summary(result: InstructResult) -> dict[str, Any]:
         "episodes": len(result.episodes),
         "texts": len(texts),
         "unchecked": result.unchecked,
-        "skeletons": len(result.skeletons),
         "quarantined": dict(result.failed),
         "unnamed_labels": result.unnamed,
         "language_model": result.usage(),
