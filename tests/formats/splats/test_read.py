@@ -255,7 +255,11 @@ def test_a_mesh_in_gltf_is_no_splats(tmp_path: Path) -> None:
         ("a.spz", b"hello", "SPZ"),
         ("a.spz", struct.pack("<IIIBBBB", 0x5053474E, 9, 1, 0, 12, 0, 0), "version 9"),
         ("a.spz", struct.pack("<IIIBBBB", 0x5053474E, 4, 1 << 31, 0, 12, 0, 5), "Gaussians"),
-        ("a.spz", gzip.compress(struct.pack("<IIIBBBB", 0x5053474E, 3, 9, 7, 12, 0, 0)), "degree"),
+        (
+            "a.spz",
+            gzip.compress(struct.pack("<IIIBBBB", 0x5053474E, 3, 9, 7, 12, 0, 0), mtime=0),
+            "degree",
+        ),
         ("a.xyz", b"1 2 3", "valid:"),
     ],
 )
