@@ -113,7 +113,7 @@ def test_show_prints_paths_that_got_texts_first(
     call = ["instruct", str(tmp_path / "asked.json.gz"), "--scenes", str(scenes)]
     call += ["--out", str(tmp_path / "out.json.gz"), "--robot", "none", "--show", str(show)]
     assert main([*call, *["--replace"] * replace_]) == 0
-    printed = capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.split())
     kept, new = read_episodes(tmp_path / "out.json.gz")
     assert (kept.instruction in printed) == (show > 1 or (show == 1 and replace_))
     assert (new.instruction in printed) == (show > 1 or (show == 1 and not replace_))
