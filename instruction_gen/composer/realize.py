@@ -124,8 +124,9 @@ def _joint(now: _Sentence, clause: Clause, voice: str, rng: np.random.Generator)
     if " and " in now.words or " and " in clause.words or "," in now.words:
         if voice == "terse":
             return ", "
-        return ", then " if " then " not in now.words else ", and "
-    joints = _JOINTS[voice]
+        return ", and " if "then" in now.words.lower().split() else ", then "
+    again = "then" in now.words.lower().split()
+    joints = [j for j in _JOINTS[voice] if not (again and "then" in j)]
     return joints[int(rng.integers(len(joints)))]
 
 
