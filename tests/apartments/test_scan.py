@@ -68,7 +68,7 @@ def labels(folder: Path) -> list[dict]:
 
 
 def floors(loaded: dict[str, Any]) -> list[Any]:
-    return [mesh for name, mesh in loaded.items() if name.startswith("Floor_")]
+    return [mesh for name, mesh in loaded.items() if name.split("_")[:-1] == ["Floor"]]
 
 
 def test_nodes_are_the_labelled_objects(loaded: dict[str, Any], labels: list[dict]) -> None:
