@@ -304,12 +304,12 @@ def test_claims_that_are_read_are_written_and_read_again():
 def test_texts_as_long_as_rxrs_are_read(two_rooms):
     ground = Ground(facts_of(LEFT, two_rooms))
     way = "Turn left through the doorway into the kitchen and stop next to the table. "
-    chat = "Take all the time that you need on the way, {} is no hurry at all here. "
+    chat = "Take all the time that you need on the way, {} it is easy and short all along. "
     words = ("there", "it", "this", "that", "now", "today", "here")
     text = "".join(chat.format(word) for word in words) + way
     assert 90 < len(text.split()) < 150
     assert check_text(text, ground).problems == ()
-    assert "valid: 3 … 300" in check_text(text * 4, ground).problems[0]
+    assert "at most 2000" in check_text(text * 4, ground).problems[0]
 
 
 _SOME = """turn left right the second red sofa of with between and , . stop to in on your door into
