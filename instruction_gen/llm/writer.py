@@ -91,9 +91,11 @@ class ModelWriter:
                     failed.append((style, words[:700], problems))
                     continue
                 model = self._client.settings.model
+                # Claims that were only read are read again by whoever needs them.
+                steps = verdict.steps if text.steps or language != "en" else ()
                 good.append(
                     WrittenText(words, language, style, "llm", (), attempt + 1, model,
-                                verdict.steps, verdict.unchecked)
+                                steps, verdict.unchecked)
                 )  # fmt: skip
             # Those that are asked for again come first: answers have the order of the request.
             missing = [style for style, _, _ in failed] + missing[len(answer.instructions) :]
