@@ -101,13 +101,13 @@ def test_decisions_flow_into_episodes(review):
     ]
 
 
-def test_a_file_with_one_text_per_episode_is_reviewed_whole(by_a_model, two_rooms, tmp_path):
+def test_a_file_with_one_text_per_episode_is_reviewed_whole(by_a_model, tmp_path):
     whole = by_a_model.path("p", "ann")
     parts = [one for e in by_a_model.paths.values() for one in per_instruction(e)]
     assert len(parts) == len(whole["texts"]) == 3
     write_episodes(tmp_path / "parts.json.gz", parts)
     read = read_episodes(tmp_path / "parts.json.gz")
-    again = Review(read, two_rooms.root.parent, tmp_path / "parts.jsonl")
+    again = Review(read, tmp_path, tmp_path / "parts.jsonl")
     assert again.names == ["p"] and again.path("p", "ann") == whole
 
 
