@@ -11,7 +11,7 @@ from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
 from torch.utils.data import Dataset
 
 from ..formats.core.errors import InputError
-from ..formats.core.rollout import DISCRETE_RATE_HZ
+from ..formats.core.rollout import DAGGER, DISCRETE_RATE_HZ
 from ..formats.rendered.discrete_steps import discrete_steps
 from .episode_reader import EpisodeReader
 from .instructions import OWN_TEXT, InstructionChoice
@@ -59,8 +59,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
 
     An item has T ≤ `max_steps` discrete steps: each action is the motion from one step's frame to
     the next one's, so that executing the actions leads along the robot's path to its end (see
-    `formats.rendered.discrete_steps`). With `every_frame` the steps are the frames (0.25 s each),
-    and each action is what the expert would do there (`action.discrete`).
+    `formats.rendered.discrete_steps`). With `every_frame`, and in walks of DAgger, the steps are
+    the frames (0.25 s each), and each action is what the expert would do there (`action.discrete`).
 
     | key | type, shape | meaning |
     | --- | --- | --- |
@@ -68,7 +68,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
     | depth | float32 (T, 1, H, W) | planar z [m], 0 = invalid |
     | tokens | int64 (L) | the instruction, see `tokens` |
     | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; STOP is the last and no other |
-    | previous_action | int64 (T) | 0 at the first step, else 1 + the action before |
+    | previous_action | int64 (T) | 0 at the first step and where it is not recorded (in walks of
+      DAgger, whose actions are not the labels), else 1 + the action before |
     | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
       the first step), else 1 |
     | progress | float32 (T) | 0 … 1 |
@@ -113,7 +114,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         """Return the episode `number`."""
         entry = self.selection.entry(number)
         reader = self._readers[self.selection.dataset[number]]
-        every = self.config.every_frame
+        labelled = entry.controller == DAGGER
+        every = self.config.every_frame or labelled
         rows = reader.rows(entry, (*_ROWS, "action.discrete") if every else _ROWS)
         poses = planar_poses(rows["observation.state"])
         if every:
@@ -124,10 +126,11 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
             poses = poses[frames]
         count, steps = len(frames), min(len(frames), self.config.max_steps)
         changed = np.concatenate([[True], np.diff(actions) != 0])
+        previous = np.concatenate([[0], 1 + actions[:-1]]) * (not labelled)
         item: dict[str, Any] = {
             "tokens": torch.from_numpy(self.tokens.encode(self.instruction_choice.text(entry))),
             "action": _tensor(actions, steps),
-            "previous_action": _tensor(np.concatenate([[0], 1 + actions[:-1]]), steps),
+            "previous_action": _tensor(previous, steps),
             "weight": _tensor(
                 np.where(changed, np.float32(self.config.inflection_coefficient), np.float32(1)),
                 steps,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..convert.frame_rollout import frame_rollout, frame_view
 from ..core.errors import FileFormatError
 from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
+from ..core.rollout import DAGGER
 from ..lerobot.statistics import column_statistics
 from ..lerobot.unit import EpisodeUnit
 from ..lerobot.unit_rows import row_arrays
@@ -24,7 +25,7 @@ _BODY_IN_OPTICAL = matrix_to_quat(OPTICAL_IN_BODY.T)
 def chosen_rows(
     unit: EpisodeUnit, every_frame: bool
 ) -> tuple[NDArray[np.int64], EpisodeUnit, dict[str, NDArray[Any]]]:
-    """Choose the rows of an episode: one per discrete step, or one per frame.
+    """Choose the rows of an episode: one per discrete step, or, as in DAgger, one per frame.
 
     Returns:
         Frame numbers of the rows (N,), ascending, possibly repeated; the
@@ -34,7 +35,7 @@ def chosen_rows(
         FileFormatError: With `every_frame`, if the unit has no discrete actions.
     """
     rows = row_arrays(unit.rows())
-    if every_frame:
+    if every_frame or unit.columns["controller"] == DAGGER:
         if "action.discrete" not in rows:
             raise FileFormatError(
                 unit.folder,

@@ -21,6 +21,7 @@ from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
+from ...formats.core.rollout import DAGGER
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
 from ..camera import view_of
@@ -133,7 +134,13 @@ def plan_training(request: Request) -> Planned:
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in selections.items()}
     view = view_of([s.selection for s in plan.sources])
-    return Planned(config, name, plan, holdout, held, view, start)
+    planned = Planned(config, name, plan, holdout, held, view, start)
+    if config.model.name == "rdp" and DAGGER in planned.every("controller"):
+        raise InputError(
+            f"mixture {name}: rdp learns motions, and those of {DAGGER} are a policy's; "
+            "valid: cma, seq2seq, or sources of other controllers"
+        )
+    return planned
 
 
 def training_key(planned: Planned, seed: int) -> str:

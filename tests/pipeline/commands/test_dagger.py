@@ -68,6 +68,14 @@ def test_labels_are_the_experts_and_actions_the_mixtures(
     assert main(["verify", str(out)]) in (0, 3)
     capsys.readouterr()
     dataset = data.parents[2]
+    pytest.importorskip("torch", reason="the loaders are PyTorch's")
+    from vlnpe.datasets.selection import select_all
+    from vlnpe.datasets.sequences import EpisodeSequences
+    from vlnpe.datasets.tokens import training_tokens
+
+    loaded = EpisodeSequences(select_all([dataset]), training_tokens(["Go through the door."]))[0]
+    assert loaded["action"].tolist() == first
+    assert not loaded["previous_action"].any()  # those that were taken are not in the data
     converted = tmp_path / "converted"
     assert main(["convert", str(dataset), "--to", "streamvln", "--out", str(converted)]) == 0
     (records,) = converted.rglob("annotations.json")
