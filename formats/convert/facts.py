@@ -63,7 +63,10 @@ def facts_of(root: Path, info: dict[str, Any]) -> DatasetFacts:
             _megabytes(info["data_files_size_in_mb"]),
             _megabytes(info["video_files_size_in_mb"]),
         )
-        depth_storage = info["features"].get(DEPTH_KEY, {}).get("dtype", "video")
+        features = info["features"]
+        if "observation.state" not in features:
+            raise KeyError("features: observation.state")
+        depth_storage = features.get(DEPTH_KEY, {}).get("dtype", "video")
     except (AttributeError, ValueError, KeyError, TypeError, OverflowError) as error:
         raise FileFormatError(root / INFO_PATH, f"damaged: {error!r}") from error
     front = _card_front(root / "README.md")
