@@ -80,7 +80,11 @@ class MixtureLoader:
             options = {"multiprocessing_context": "spawn", "worker_init_fn": _one_thread}
         batches = DataLoader(
             self._data,  # type: ignore[arg-type]  # its indices are pairs
-            batch_sampler=BatchSampler(self._sampler, self._batch_size, drop_last=False),
+            batch_sampler=BatchSampler(
+                self._sampler,  # type: ignore[arg-type]
+                self._batch_size,
+                drop_last=False,
+            ),
             num_workers=self._workers,
             collate_fn=self._collate,
             generator=torch.Generator(),  # else it would draw from the caller's

@@ -2,6 +2,7 @@
 
 import json
 import math
+from contextlib import suppress
 from typing import Any, NoReturn
 
 import httpx2
@@ -141,16 +142,19 @@ class HttpPolicy:
 
     def _waypoints(self, answer: Any) -> NDArray[np.float64]:
         """Return the first part of a trajectory as `checked_motion` takes waypoints, (K, 3)."""
-        try:
+        points: NDArray[np.float64] | None = None
+        with suppress(TypeError, ValueError):
             points = np.asarray(answer, np.float64)
-        except (TypeError, ValueError):
-            points = np.empty(0)
-        if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points[:, :2]).all():
+        if points is None or points.ndim != 2 or points.shape[1] < 2 or not _finite(points):
             self._fail(f"answered trajectory {answer!r:.200}; valid: finite points [x, y, …]")
         return steps_along(points[:, :2])
 
     def _fail(self, what: str, cause: BaseException | None = None) -> NoReturn:
         raise PolicyError(f"policy server {self.url} {what}") from cause
+
+
+def _finite(points: NDArray[np.float64]) -> bool:
+    return bool(np.isfinite(points[:, :2]).all())
 
 
 def steps_along(points_m: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -58,7 +58,7 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     if len(cells):
         colours = np.tile(OBSTACLE_RGB, (len(cells), 1))
         cloud = trimesh.PointCloud((cells + 0.5) * CELL_M, colours)
-        (out / "meta" / "pointcloud.ply").write_bytes(bytes(cloud.export(file_type="ply")))
+        cloud.export(str(out / "meta" / "pointcloud.ply"))
     facts = (
         f"{images} frames, every frame of the source",
         "depth: uint16 PNG in 0.1 mm, 0 = not measured, beyond 5 m or nearer than 0.1 m",

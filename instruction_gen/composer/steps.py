@@ -174,8 +174,8 @@ def _turn(move: Move, facts: PathFacts, names: Names, taste: Taste) -> Event:
             ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
             ("cue", lambda m: in_view(m, facts, along - 1.0, 30.0, 3.2) if along > 1.2 else None),
         ]
-        names.rng.shuffle(options)
-        for kind, near in options:
+        for number in names.rng.permutation(len(options)):
+            kind, near = options[number]
             if mark := names.best(near):
                 return Event(kind, along, X=mark, s=turn.side)
     return Event("turn", along, s=turn.side)

@@ -48,7 +48,8 @@ def rooms_met(
         for a, b in zip(low_m, high_m, strict=True)
     )
     found = np.unique(regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)))
-    return tuple(sorted({names[k] for k in found if k >= 0} - {""}))
+    met: set[str] = {str(names[k]) for k in found.tolist() if k >= 0}
+    return tuple(sorted(met - {""}))
 
 
 def openings_of(regions: RegionMap) -> tuple[tuple[tuple[int, ...], ...], ...]:

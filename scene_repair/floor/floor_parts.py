@@ -167,9 +167,9 @@ def _stairs(surfaces: Surfaces, grid: GridSpec) -> I64:
     open_ = surfaces.clear_m >= PASSAGE_M
     group = connected(surfaces.cell[open_], surfaces.z_m[open_], grid, TREAD_M)
     # Furniture divides what can be passed of a surface; the surface joins it again.
-    pairs = np.stack([surfaces.part[open_], surfaces.parts + group])
+    own, other = surfaces.part[open_], surfaces.parts + group
     count = surfaces.parts + int(group.max(initial=-1)) + 1
-    return linked(*pairs, count)[: surfaces.parts]
+    return linked(own, other, count)[: surfaces.parts]
 
 
 def walls_begin_m(mesh: WorldMesh) -> float | None:

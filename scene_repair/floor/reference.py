@@ -46,7 +46,8 @@ def without_pits(z_m: F64, cell_m: float) -> F64:
     for own, beside in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         level = np.abs(z_m[own] - z_m[beside]) < LEVEL_M
         pairs.append(np.stack([cell[own][level], cell[beside][level]]))
-    group = linked(*np.concatenate(pairs, axis=1), z_m.size).reshape(z_m.shape)
+    first, second = np.concatenate(pairs, axis=1)
+    group = linked(first, second, z_m.size).reshape(z_m.shape)
     large = np.isfinite(z_m) & (np.bincount(group.ravel())[group] * cell_m**2 >= PIT_M2)
     if not large.any():
         return z_m

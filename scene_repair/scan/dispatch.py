@@ -5,6 +5,7 @@ Splats are only recognised here: an edit of what fuses them must not repair mesh
 
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 from PIL import Image
 
@@ -58,7 +59,10 @@ def scan_of(path: Path, readings: Readings) -> Scan:
     warnings = list(readings.warnings)
     refs = list(dict.fromkeys(part.material for part in readings.parts))
     materials = dict(zip(refs, _materials(path.parent.resolve(), refs, warnings), strict=True))
-    parts: list[ScanPart] = [replace(p, material=materials[p.material]) for p in readings.parts]
+    parts = [
+        cast(ScanPart, replace(part, material=materials[part.material]))  # type: ignore[arg-type]
+        for part in readings.parts
+    ]
     if not parts:
         raise FileFormatError(path, "; ".join(["contains no visible triangles", *warnings[:3]]))
     scan = merge_parts(parts, warnings, readings.up, readings.unit)

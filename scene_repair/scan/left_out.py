@@ -11,7 +11,7 @@ from trimesh.triangles import closest_point
 
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.geometry import triangle_normals, triangle_normals_and_areas
-from ..arrays import F64, I64, Mask
+from ..arrays import F64, I32, I64, Mask
 from .record import Scan
 
 # What is so many times as long as all the rest together dwarfs it.
@@ -106,7 +106,7 @@ def _dwarfing(scan: Scan, piece: I64, count: int) -> I64:
     return np.empty(0, dtype=np.int64)
 
 
-def _bounds(corners: F64, piece: I64, count: int) -> tuple[F64, F64]:
+def _bounds(corners: F64, piece: I32 | I64, count: int) -> tuple[F64, F64]:
     """Return the lower and upper corners (count, 3) of all pieces; inf and -inf of empty ones."""
     lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(lower, piece, corners.min(axis=1))

@@ -94,7 +94,7 @@ def _load_plain(path: Path, resolver: ConfinedResolver) -> trimesh.Scene:
 
 
 def _load(
-    path: Path, stream: IO[bytes], resolver: ConfinedResolver, **options: bool
+    path: Path, stream: IO[bytes], resolver: ConfinedResolver, **options: Any
 ) -> trimesh.Scene:
     kind = path.suffix.lower()[1:]
     try:

@@ -136,6 +136,7 @@ def _main_part(points: F64) -> Mask:
         at = np.clip(np.searchsorted(cells, cells + step), 0, len(cells) - 1)
         hit = np.flatnonzero((cells[at] == cells + step) & crowded & crowded[at])
         pairs.append(np.stack([hit, at[hit]]))
-    part = linked(*np.concatenate(pairs, axis=1), len(cells))
+    first, second = np.concatenate(pairs, axis=1)
+    part = linked(first, second, len(cells))
     held = np.bincount(part, np.where(crowded, count, 0))
     return (held[part] >= MIN_SHARE * len(points))[of] & crowded[of]

@@ -183,7 +183,8 @@ def test_a_part_of_a_room_is_looked_at_from_outside_its_table(
     solid = find_solid(room_cloud(without, turn_deg))
     factor = fuse.VOXEL_M / (np.prod(solid.upper - solid.lower) / fuse.VOXELS) ** (1 / 3)
     places = fuse.stations(solid, float(factor)) / factor
-    back = trimesh.transformations.rotation_matrix(np.deg2rad(-turn_deg), (0, 0, 1))[:3, :3]
+    turn = trimesh.transformations.rotation_matrix(np.deg2rad(-turn_deg), (0, 0, 1))
+    back = np.asarray(turn)[:3, :3]
     places = places @ back.T
     over = places[places[:, 2] > TABLE[2]]
     assert len(over) >= 4

@@ -59,4 +59,4 @@ def make_sources(root: Path) -> list[WalkSource]:
     ]
 
 
-FALLEN = {"end_reason": EndReason.FALL}
+FALLEN: dict[str, Any] = {"end_reason": EndReason.FALL}

@@ -266,9 +266,13 @@ def test_navdp(sources: list[WalkSource], tmp_path: Path) -> None:
         own = pictures[span["min"] : span["max"] + 1]
         assert len(own) == len(table) == Walk.open(source).unit.length
         assert all(f"episode_{number:06d}" in path.name for path in own)
-        intrinsic = np.vstack(np.array(table["observation.camera_intrinsic"].tolist()[0]))
+        intrinsic = np.array(
+            [row.tolist() for row in table["observation.camera_intrinsic"].tolist()[0]]
+        )
         np.testing.assert_allclose(intrinsic.reshape(3, 3), CAMERA.intrinsics)
-        mount = np.vstack(np.array(table["observation.camera_extrinsic"].tolist()[0]))
+        mount = np.array(
+            [row.tolist() for row in table["observation.camera_extrinsic"].tolist()[0]]
+        )
         poses = np.array([np.stack(frame) for frame in table["action"]]).reshape(-1, 4, 4)
         base = poses[0].copy()
         base[:3, :3] = base[:3, :3] @ np.linalg.inv(mount[:3, :3])

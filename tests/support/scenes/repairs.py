@@ -17,6 +17,7 @@ def repaired(scan: Path | Sequence[trimesh.Trimesh], folder: Path, **options: An
 
     Pictures are small: drawing them takes longer than repairing a room.
     """
+    options.setdefault("picture_px", 200)
     source = scan if isinstance(scan, Path) else scans.write_glb(scan, folder / "scan.glb")
     (folder / "bundle").mkdir()
-    return repair_scene(source, folder / "bundle", RepairConfig(**{"picture_px": 200} | options))
+    return repair_scene(source, folder / "bundle", RepairConfig(**options))
