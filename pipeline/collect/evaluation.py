@@ -1,7 +1,7 @@
 """A policy walks episodes in closed loop: the stages of an evaluation, and its results file."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,14 +15,17 @@ from ...evaluation.policies.registry import PolicyChoice, resolve_policy
 from ...evaluation.policy import ModelUse
 from ...evaluation.results import RESULTS_NAME, results_json
 from ...formats.core.atomic import file_digest, write_json
+from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
+from ...formats.core.rollout import DAGGER
 from ...instruction_gen.llm.settings import CACHE_NAME
 from ...learning.card import Card, read_card
 from ...rendering.camera.views import CameraOverrides, View
 from ..context import open_context
 from ..engine.ledger import Row
+from ..engine.rows import StageSummary
 from ..engine.run_folder import safe_name
-from ..engine.work import digest
+from ..engine.work import WorkItem, digest
 from ..execution.runner import Context, run_stage
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_crews
 from ..inputs.episode_file import episodes_of
@@ -33,6 +36,7 @@ from ..stages.datasets import export_items as export
 from ..stages.evaluation import items as evaluate
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts import replay_items as replay
+from ..stages.rollouts.replay_job import Walker
 from ..stages.scenes import items as repair
 
 log = logging.getLogger(__name__)
@@ -49,8 +53,30 @@ class Evaluation:
     results: dict[str, Any]
 
 
-def evaluate_policy(options: Evaluate) -> Evaluation:
-    """Evaluate a policy and write its results; walks that are done already are reused."""
+@dataclass(frozen=True)
+class Trial:
+    """A policy, what carries its actions out, and the episodes that it walks.
+
+    Attributes:
+        scenes: rows of the repair stage by scene id.
+        folder: folder of the repaired scenes.
+    """
+
+    policy: PolicyChoice
+    robot: RobotSpec
+    controller: str
+    view: View
+    episodes: Sequence[Episode]
+    scenes: Mapping[str, Row]
+    folder: Path
+
+
+def chosen_trial(options: Evaluate) -> Trial:
+    """Return what the options of an evaluation mean; warn if a policy was trained on other things.
+
+    Raises:
+        InputError: If a name is unknown, or a file or folder cannot be used.
+    """
     policy = resolve_policy(options.policy, options.timeout_s)
     maps = policy.name in MAPS and options.actions == WAYPOINTS
     if options.actions != DISCRETE and not (policy.is_server or maps):
@@ -61,37 +87,84 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
         )
     card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
     robot, controller, view = chosen_test(options, card)
-    options = replace(options, controller=controller)
     if card is not None:
         test = {"robot": robot.name, "controller": controller, "light": options.light}
         _warn_of_other_training(policy.name, card, test)
-    episodes, scenes_folder = episodes_of(options.episodes, options.scenes, options.split)
+    episodes, folder = episodes_of(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
-    scenes = repair.rows_of(scenes_folder)
-    repair.demand({e.scene_id for e in episodes}, scenes, scenes_folder)
-    out = options.out or _default_out(options, policy, robot.name, view)
+    scenes = repair.rows_of(folder)
+    repair.demand({e.scene_id for e in episodes}, scenes, folder)
+    return Trial(policy, robot, controller, view, episodes, scenes, folder)
+
+
+def walk(
+    context: Context,
+    trial: Trial,
+    options: Evaluate,
+    identity: str,
+    *,
+    label: str,
+    expert_share: float | None = None,
+) -> tuple[Walker, StageSummary]:
+    """Let the policy walk the episodes, alone or with the expert.
+
+    Args:
+        identity: See `PolicyChoice.identity`.
+        label: Of the progress bar.
+        expert_share: See `EvaluateJob`.
+    """
+    root = context.ledger.root
+    (crew,) = keep_crews([(trial.robot, trial.controller)], context.ledger)
+    timing = action_timing(options.action_steps, options.closed_loop)
+    walker = replay.walker(*crew, options.seed, timing)
+    walker = replace(walker, config=closed_loop(walker.config))
+    items = evaluate.items(
+        trial.episodes,
+        trial.scenes,
+        trial.folder.resolve(),
+        root,
+        walker=walker,
+        policy=trial.policy,
+        identity=identity,
+        view=trial.view,
+        actions=options.actions,
+        expert_share=expert_share,
+    )
+    name = trial.controller if expert_share is None else DAGGER
+    summary = run_stage(context, evaluate.STAGE, items, f"{trial.robot.name}/{name}/", label=label)
+    context.ledger.record_new(root / "models")
+    return walker, summary
+
+
+def rendered(
+    context: Context, trial: Trial, robot: RobotSpec, rows: Mapping[str, Row], label: str
+) -> tuple[export.Dataset, StageSummary, dict[str, list[WorkItem]]]:
+    """Render what the policy saw; return the dataset's folders, the frames and what exports them.
+
+    Args:
+        rows: Of walks.
+        label: Their controller, in the dataset's name.
+    """
+    root, folder = context.ledger.root, trial.folder.resolve()
+    dataset = export.Dataset.under(root, robot.name, label, trial.view.name)
+    recorded = render.Recorded(robot, rows, root, trial.scenes, folder)
+    items = render.items(recorded, trial.view, FRAMES_PER_SECOND, root / "frames", root)
+    frames = run_stage(context, render.STAGE, items, dataset.scope)
+    return dataset, frames, export.items(frames.good(), root, folder, dataset, robot)
+
+
+def evaluate_policy(options: Evaluate) -> Evaluation:
+    """Evaluate a policy and write its results; walks that are done already are reused."""
+    trial = chosen_trial(options)
+    policy, robot, view, episodes = trial.policy, trial.robot, trial.view, trial.episodes
+    out = options.out or _default_out(options, trial)
     use = ModelUse(out.resolve() / CACHE_NAME, options.max_tokens, options.max_cost)
     policy = replace(policy, use=use)
+    trial = replace(trial, policy=policy)
     identity = policy.identity()
-    actions = action_timing(options.action_steps, options.closed_loop)
     with open_context(out, options) as context:
         root = context.ledger.root
-        (crew,) = keep_crews([(robot, options.controller)], context.ledger)
-        walker = replay.walker(*crew, options.seed, actions)
-        walker = replace(walker, config=closed_loop(walker.config))
-        items = evaluate.items(
-            episodes,
-            scenes,
-            scenes_folder.resolve(),
-            root,
-            walker=walker,
-            policy=policy,
-            identity=identity,
-            view=view,
-            actions=options.actions,
-        )
-        scope = f"{robot.name}/{options.controller}/"
-        summary = run_stage(context, evaluate.STAGE, items, scope, label="evaluate")
+        walker, summary = walk(context, trial, options, identity, label="evaluate")
         rows = sorted(summary.good().values(), key=lambda row: row.item)
         walks = [{k: v for k, v in row.facts.items() if k != "actions"} for row in rows]
         failed = {
@@ -101,11 +174,11 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
             "policy": policy.name,
             "policy_version": identity,
             "robot": robot.name,
-            "controller": options.controller,
+            "controller": trial.controller,
             "actions": options.actions,
             "view": view.name,
             "renderer": ",".join(
-                sorted(set(evaluate.renderers(episodes, scenes_folder, view.renderer).values()))
+                sorted(set(evaluate.renderers(episodes, trial.folder, view.renderer).values()))
             ),
             "seed": options.seed,
             "action_steps": options.action_steps,
@@ -118,12 +191,13 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
         value = results_json(setting, walks, failed)
         write_json(out / RESULTS_NAME, value)
         context.ledger.record([root / RESULTS_NAME])
-        context.ledger.record_new(root / "models")
         if policy.name in MODEL_POLICIES:
             context.ledger.record_new(root / CACHE_NAME)
-        folder = scenes_folder.resolve()
         if options.mcap:
-            _write_mcap(context, walker.robot, summary.good(), scenes, folder, view)
+            dataset, _, exports = rendered(
+                context, trial, walker.robot, summary.good(), trial.controller
+            )
+            run_stage(context, export.MCAP_STAGE, exports[export.MCAP_STAGE], dataset.scope)
         if options.films > 0:
             policy_report.write(
                 context,
@@ -131,10 +205,10 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
                 value,
                 robot=walker.robot,
                 view=view,
-                scenes=folder,
+                scenes=trial.folder.resolve(),
                 films=options.films,
             )
-    return Evaluation(out, scenes_folder, value)
+    return Evaluation(out, trial.folder, value)
 
 
 def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, View]:
@@ -165,25 +239,6 @@ def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, V
     return robot, controller, views[0]
 
 
-def _write_mcap(
-    context: Context,
-    robot: RobotSpec,
-    rows: Mapping[str, Row],
-    scenes: Mapping[str, Row],
-    folder: Path,
-    view: View,
-) -> None:
-    """Render what the policy saw and write an MCAP file per episode, with images."""
-    root = context.ledger.root
-    for controller in sorted({item.split("/")[1] for item in rows}):
-        dataset = export.Dataset.under(root, robot.name, controller, view.name)
-        recorded = render.Recorded(robot, rows, root, scenes, folder)
-        items = render.items(recorded, view, FRAMES_PER_SECOND, root / "frames", root)
-        frames = run_stage(context, render.STAGE, items, dataset.scope).good()
-        items = export.items(frames, root, folder, dataset, robot)[export.MCAP_STAGE]
-        run_stage(context, export.MCAP_STAGE, items, dataset.scope)
-
-
 def _warn_of_other_training(policy: str, card: Card, test: Mapping[str, str]) -> None:
     """Warn if a learned policy is tested with what it was not trained on."""
     trained = {"robot": card.robots, "controller": card.controllers, "light": card.lights}
@@ -193,9 +248,9 @@ def _warn_of_other_training(policy: str, card: Card, test: Mapping[str, str]) ->
             log.warning("%s was trained on %s %s, not on %s", policy, name, valid, value)
 
 
-def _default_out(options: Evaluate, policy: PolicyChoice, robot: str, view: View) -> Path:
-    path = policy.checkpoint
-    label = f"{path.stem}-{file_digest(path)[:6]}" if path else policy.name
-    name = f"{label}-{robot}-{options.controller}{view.moved}-{options.light}"
+def _default_out(options: Evaluate, trial: Trial) -> Path:
+    path = trial.policy.checkpoint
+    label = f"{path.stem}-{file_digest(path)[:6]}" if path else trial.policy.name
+    name = f"{label}-{trial.robot.name}-{trial.controller}{trial.view.moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)
