@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from ..formats.core.arrays import Mask
 from ..formats.core.errors import InputError, SceneError
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
-from .arrays import Mask
 from .collide.level_collision import build_collision
 from .config import RepairConfig
 from .floor.lay import with_floor

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from ...formats.core.arrays import U8
 from ...formats.core.kernel import kernel
 from ...formats.scene.bundle import Obstacles
-from ..arrays import U8
 from .voxels import STEPS, Voxels
 
 # What a box may do with a voxel.

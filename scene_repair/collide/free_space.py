@@ -3,7 +3,7 @@
 import numpy as np
 from scipy import ndimage
 
-from ..arrays import F32, F64, U8, Mask
+from ...formats.core.arrays import F32, U8, Array, Mask
 from ..grid.morphology import distance_to, label
 from .boxes import MAY, MUST, NEVER
 from .voxels import STEPS, Voxels
@@ -17,7 +17,7 @@ SLIVER = 0.25
 SPREAD = 3
 
 
-def headroom(voxels: Voxels, height_m: F64, above_m: float) -> F32:
+def headroom(voxels: Voxels, height_m: Array, above_m: float) -> F32:
     """Return the free height (rows, columns) [m] above the floor, infinite where all is free.
 
     What ends at most `above_m` above the floor is stepped over and does not count.
@@ -44,7 +44,7 @@ def places(free: Mask, cell_m: float) -> Mask:
     return roomy[parts]
 
 
-def touchable(voxels: Voxels, place: Mask, height_m: F64) -> U8:
+def touchable(voxels: Voxels, place: Mask, height_m: Array) -> U8:
     """Return what boxes must, may and must not cover, (rows, columns, layers) as in `boxes`.
 
     Air that a probe of three voxels reaches from a `place` (rows, columns) for robots stays air;

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import I32, I64, U8, Array, Mask
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I32, I64, U8, Mask
 
 # Extents are stored in 1/250 of a voxel: 0.2 mm at 5 cm.
 STEPS = 250
@@ -40,15 +40,15 @@ class Voxels:
 
 
 def voxelise(
-    vertices_m: F64,
+    vertices_m: Array,
     faces: I64,
     face_owner: I32,
     grid: GridSpec,
     *,
     z0_m: float,
     layers: int,
-    cut_below_m: F64,
-    cut_above_m: F64,
+    cut_below_m: Array,
+    cut_above_m: Array,
 ) -> Voxels:
     """Clip every face to the voxels it passes through.
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import Mask
 from ..grid.morphology import Window, distance_to, grow, grown_window, label
 from .evidence import Evidence
 

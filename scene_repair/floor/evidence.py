@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import I32, Array, Mask
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I32, Mask
 from ..grid.columns import Columns
 from ..grid.height_field import smooth
 from ..grid.morphology import nearest_in
@@ -50,8 +50,8 @@ class Evidence:
         sunk: upright surfaces go down deep under the level.
     """
 
-    reference_m: F64
-    z_m: F64
+    reference_m: Array
+    z_m: Array
     face: I32
     covered: Mask
     wall: Mask
@@ -67,7 +67,7 @@ class Evidence:
 def gather_evidence(
     mesh: WorldMesh,
     columns: Columns,
-    scanned_z_m: F64,
+    scanned_z_m: Array,
     floor_z_m: float,
     *,
     ignore: Mask,
@@ -122,7 +122,7 @@ def gather_evidence(
     )
 
 
-def _lowest(columns: Columns, above_m: F64, cover_m: float, chosen: Mask) -> Mask:
+def _lowest(columns: Columns, above_m: Array, cover_m: float, chosen: Mask) -> Mask:
     """Return (cells,) whether the lowest surface below head height is among the chosen faces."""
     over = (above_m > cover_m) & (above_m < OVERHEAD_M)
     cell = columns.cell[over]

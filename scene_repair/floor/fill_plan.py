@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import I32, I64, Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I32, I64, Mask
 from ..grid.columns import Columns
 from ..grid.morphology import closing, grow, label, nearest_in
 from ..grid.world_mesh import WorldMesh
@@ -40,12 +40,12 @@ class FillPlan:
     fill: Mask
     leave: Mask
     target: Mask
-    height_m: F64
+    height_m: Array
     rooms: I32
     floor_faces: I64
 
     @property
-    def patch_height_m(self) -> F64:
+    def patch_height_m(self) -> Array:
         """Return heights for patches: beyond a step those of the nearest target cell."""
         if not self.target.any():
             return self.height_m
@@ -95,7 +95,7 @@ def plan_fill(
     )
 
 
-def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> F64:
+def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> Array:
     """Return reference heights: modelled in the `missing` cells, the nearest floor's elsewhere."""
     # Walls between a hole's parts and its rim take part, so that heights pass under them.
     missing = missing | evidence.wall & ~np.isfinite(evidence.reference_m) & grow(missing)
@@ -105,7 +105,7 @@ def heights_everywhere(evidence: Evidence, missing: Mask, fine: GridSpec) -> F64
     return filled[nearest_in(finite)]
 
 
-def _floor_faces(mesh: WorldMesh, height_m: F64, fine: GridSpec, ignore: Mask) -> I64:
+def _floor_faces(mesh: WorldMesh, height_m: Array, fine: GridSpec, ignore: Mask) -> I64:
     """Return the faces all of whose corners lie at the reference height, upright ones apart."""
     z = mesh.vertices[:, 2]
     low, high = height_m.min() - COVER_M, height_m.max() + COVER_M
@@ -152,7 +152,7 @@ def _rooms(floor: Mask, fine: GridSpec) -> I32:
     return parts[nearest_in(inside)] if inside.any() else np.ones(fine.shape, dtype=np.int32)
 
 
-def cells_at(points_xy_m: F64, fine: GridSpec) -> Mask:
+def cells_at(points_xy_m: Array, fine: GridSpec) -> Mask:
     """Return cells in which any of the points (N, 2) lies."""
     cells = fine.cell_of(points_xy_m)
     cells = cells[fine.inside(cells)]

@@ -4,8 +4,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns
 from ..grid.height_field import heights_at
@@ -27,7 +27,7 @@ class Bump:
 
 
 def flatten_bumps(
-    mesh: WorldMesh, columns: Columns, evidence: Evidence, height_m: F64, config: RepairConfig
+    mesh: WorldMesh, columns: Columns, evidence: Evidence, height_m: Array, config: RepairConfig
 ) -> tuple[WorldMesh, list[Bump]]:
     """Move the vertices of small bumps and dents onto the reference height (rows, columns).
 
@@ -65,7 +65,7 @@ def flatten_bumps(
 
 
 def _pressed(
-    mesh: WorldMesh, press: Mask, height_m: F64, grid: GridSpec, config: RepairConfig
+    mesh: WorldMesh, press: Mask, height_m: Array, grid: GridSpec, config: RepairConfig
 ) -> WorldMesh:
     """Return the mesh with vertices over flattened cells moved to the reference height."""
     cell = grid.cell_of(mesh.vertices[:, :2])

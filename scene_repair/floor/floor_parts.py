@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.core.geometry import triangle_areas
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I64, Mask
 from ..grid.columns import Columns
 from ..grid.morphology import distance_to, grow, grown_window, linked
 from ..grid.slices import slice_marks
@@ -52,16 +52,16 @@ class FloorParts:
         stairs: number of its group; surfaces of one group are joined by steps.
     """
 
-    area_m2: F64
-    standing_m2: F64
-    height_m: F64
-    above: F64
-    below: F64
-    pitch: F64
-    widest_m: F64
-    averted_share: F64
-    ceiled_share: F64
-    walled_share: F64
+    area_m2: Array
+    standing_m2: Array
+    height_m: Array
+    above: Array
+    below: Array
+    pitch: Array
+    widest_m: Array
+    averted_share: Array
+    ceiled_share: Array
+    walled_share: Array
     furniture: Mask
     stairs: I64
 
@@ -91,7 +91,7 @@ def measure_parts(
     grid, count = columns.grid, surfaces.parts
     cell_m2 = grid.cell_m**2
 
-    def share(selected: Mask) -> F64:
+    def share(selected: Mask) -> Array:
         return np.bincount(surfaces.part, selected, count) / np.maximum(samples, 1)
 
     samples = np.bincount(surfaces.part, minlength=count)
@@ -152,7 +152,7 @@ def measure_parts(
     )
 
 
-def _pitch(z_m: F64, grid: GridSpec) -> float:
+def _pitch(z_m: Array, grid: GridSpec) -> float:
     """Return the median slope of a surface (rows, columns) with NaN outside it."""
     run = max(1, round(PITCH_OVER_M / grid.cell_m))
     along = z_m[run:, :-run] - z_m[:-run, :-run]

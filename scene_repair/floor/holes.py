@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import Mask
 from ..collide.free_space import places
 from ..grid.morphology import (
     Window,

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import I32, Array
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I32
 from ..grid.morphology import distance_to, label
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
@@ -22,7 +22,7 @@ OUTSIDE_RADIUS_M = 0.75
 MARGIN_M = 2.0
 
 
-def with_floor(scan: Scan, source_to_world: F64, height_m: float) -> Scan:
+def with_floor(scan: Scan, source_to_world: Array, height_m: float) -> Scan:
     """Return the scan with a level floor inside its walls at the world height `height_m`.
 
     Raises:

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns
 from ..grid.world_mesh import WorldMesh
@@ -37,7 +37,7 @@ class ScannedFloor:
     """The floor of one storey as scanned: heights (rows, columns), NaN = none; their median."""
 
     grid: GridSpec
-    z_m: F64
+    z_m: Array
     floor_z_m: float
 
 
@@ -155,7 +155,7 @@ def _floor_of(
     return ScannedFloor(grid, z, float(np.nanmedian(z)))
 
 
-def averted_faces(floors: list[ScannedFloor], columns: Columns, normal_z: F64) -> Mask:
+def averted_faces(floors: list[ScannedFloor], columns: Columns, normal_z: Array) -> Mask:
     """Return (F,) faces wound opposite to the floors: undersides of walls and furniture.
 
     None, if the floors' faces have inconsistent winding. A floor with a ceiling in its plane has no

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I64, Mask
 from ..grid.morphology import Window
 
 
@@ -64,7 +64,7 @@ def cell_squares(cells: Mask) -> tuple[I64, I64]:
 
 def cell_polygons(
     cells: Mask, grid: GridSpec, window: Window | None = None, keep_straight: bool = False
-) -> list[F64]:
+) -> list[Array]:
     """Return world polygons (n, 2) around the true cells; outer ones counter-clockwise.
 
     `cells` is the crop of a map over `grid` at `window`. If `keep_straight`, there is a vertex at

@@ -7,8 +7,8 @@ import manifold3d
 import numpy as np
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I64, Mask
 from ..grid.height_field import heights_at
 from ..grid.world_mesh import WorldMesh
 from .evidence import COVER_NORMAL_Z
@@ -32,9 +32,9 @@ class Patch:
     Its connected pieces are outer and inner rings (n, 2) [m], with a horizontal area each.
     """
 
-    vertices: F64
+    vertices: Array
     faces: I64
-    pieces: list[list[F64]]
+    pieces: list[list[Array]]
     area_m2: list[float]
 
 
@@ -42,7 +42,7 @@ def build_patch(
     mesh: WorldMesh,
     floor_faces: I64,
     region: list[tuple[Mask, GridSpec]],
-    height_m: F64,
+    height_m: Array,
     grid: GridSpec,
 ) -> Patch:
     """Close the regions by patches that end at the outline of the floor.
@@ -53,7 +53,7 @@ def build_patch(
     flat = floor_faces[np.abs(mesh.normals[floor_faces, 2]) >= COVER_NORMAL_Z]
     bounds = Rectangles.around(mesh.vertices[mesh.faces[flat], :2])
     builder = _Builder(mesh, height_m, grid)
-    pieces: list[list[F64]] = []
+    pieces: list[list[Array]] = []
     areas: list[float] = []
     for cells, local in region:
         near = flat[bounds.near(local)]
@@ -74,12 +74,12 @@ def build_patch(
     return Patch(vertices, triangles, pieces, areas)
 
 
-def _cross_section(polygons: list[F64]) -> manifold3d.CrossSection:
+def _cross_section(polygons: list[Array]) -> manifold3d.CrossSection:
     rings: Any = [np.ascontiguousarray(p) for p in polygons]
     return manifold3d.CrossSection(rings, manifold3d.FillRule.Positive)
 
 
-def _rings(section: manifold3d.CrossSection) -> list[F64]:
+def _rings(section: manifold3d.CrossSection) -> list[Array]:
     rings: Any = section.to_polygons()
     return rings
 
@@ -87,9 +87,9 @@ def _rings(section: manifold3d.CrossSection) -> list[F64]:
 class _Builder:
     """Collects triangles; rim points become the mesh's own vertices."""
 
-    def __init__(self, mesh: WorldMesh, height_m: F64, grid: GridSpec):
+    def __init__(self, mesh: WorldMesh, height_m: Array, grid: GridSpec):
         self.mesh, self.height_m, self.grid = mesh, height_m, grid
-        self.vertices: list[F64] = []
+        self.vertices: list[Array] = []
         self.faces: list[I64] = []
         self.count = len(mesh.vertices)
         self.start(np.empty((0, 2), dtype=np.int64))
@@ -130,14 +130,14 @@ class _Builder:
         )
         self.faces.append(joined[proper])
 
-    def result(self) -> tuple[F64, I64]:
+    def result(self) -> tuple[Array, I64]:
         """Return new vertices and all faces."""
         if not self.faces:
             return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
         vertices = np.concatenate(self.vertices) if self.vertices else np.empty((0, 3))
         return vertices, np.concatenate(self.faces)
 
-    def _with_rim_vertices(self, polygon: F64) -> F64:
+    def _with_rim_vertices(self, polygon: Array) -> Array:
         """Insert rim vertices that lie on a polygon's edges, so that no T-junction opens."""
         if self.tree is None:
             return polygon
@@ -162,7 +162,7 @@ class _Builder:
                 parts.append(inserted[distinct])
         return np.concatenate(parts)
 
-    def _ids(self, points: F64) -> I64:
+    def _ids(self, points: Array) -> I64:
         """Return vertex ids of 2-D points: the rim's own where they coincide, else new ones."""
         ids = np.full(len(points), -1, dtype=np.int64)
         if self.tree is not None:
@@ -178,7 +178,7 @@ class _Builder:
             self.count += len(unique)
         return ids
 
-    def _height(self, xy: F64) -> F64:
+    def _height(self, xy: Array) -> Array:
         """Return heights of new vertices: on a rim edge the edge's, else the reference's."""
         z = heights_at(self.height_m, self.grid, xy)
         if not len(self.rim):
@@ -202,7 +202,7 @@ class _Builder:
         return z
 
 
-def _dense(polygon: F64) -> F64:
+def _dense(polygon: Array) -> Array:
     """Subdivide a polygon to edges of at most `BORDER_M`."""
     ahead = np.roll(polygon, -1, axis=0)
     steps = np.ceil(np.linalg.norm(ahead - polygon, axis=1) / BORDER_M).astype(int).clip(1)
@@ -213,7 +213,7 @@ def _dense(polygon: F64) -> F64:
     return np.concatenate(parts)
 
 
-def _inner_squares(piece: manifold3d.CrossSection) -> tuple[list[F64], I64, F64]:
+def _inner_squares(piece: manifold3d.CrossSection) -> tuple[list[Array], I64, Array]:
     """Return the squares of a coarse grid well inside a piece.
 
     These are outlines with a vertex at every node, triangles (T, 3), and nodes (N, 2) [m].

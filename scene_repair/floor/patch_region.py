@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I64, Mask
 from ..grid.morphology import Window, grow, grown_window, label, windows
 from ..grid.slices import slice_marks
 from ..grid.world_mesh import WorldMesh
@@ -73,12 +73,12 @@ class Rectangles:
     """Numbered rectangles along the axes, the bounds of faces from above, sorted by lower x."""
 
     number: I64
-    lower_m: F64
-    upper_m: F64
+    lower_m: Array
+    upper_m: Array
     widest_m: float
 
     @staticmethod
-    def around(corners_m: F64) -> "Rectangles":
+    def around(corners_m: Array) -> "Rectangles":
         """Return the bounds of polygons (N, n, 2)."""
         lower, upper = corners_m.min(axis=1), corners_m.max(axis=1)
         order = np.argsort(lower[:, 0])

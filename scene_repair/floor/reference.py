@@ -6,7 +6,7 @@ import numpy as np
 from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 
-from ..arrays import F64, I64, Mask
+from ...formats.core.arrays import I64, Array, Mask
 from ..grid.height_field import extend
 from ..grid.morphology import distance_to, grow, grown_window, label, linked, nearest_in, windows
 
@@ -18,7 +18,7 @@ LEVEL_M, LEVEL_SHARE = 0.01, 0.4
 PIT_M2 = 0.1
 
 
-def remove_narrow(z_m: F64, cell_m: float, width_m: float, height_m: float) -> F64:
+def remove_narrow(z_m: Array, cell_m: float, width_m: float, height_m: float) -> Array:
     """Remove bumps and dents narrower than `width_m`; NaN (no floor) stays NaN.
 
     Grey opening, then closing, with a square of that width (Serra, 1982). What deviates by more
@@ -36,7 +36,7 @@ def remove_narrow(z_m: F64, cell_m: float, width_m: float, height_m: float) -> F
     return np.where(real[parts], z_m, np.where(np.isfinite(z_m), closed, np.nan))
 
 
-def without_pits(z_m: F64, cell_m: float) -> F64:
+def without_pits(z_m: Array, cell_m: float) -> Array:
     """Remove small pieces that a step separates from the larger floor nearest to them.
 
     Pits and blisters of a scan, where it closed a surface over what it had not seen.
@@ -55,7 +55,7 @@ def without_pits(z_m: F64, cell_m: float) -> F64:
     return np.where(large | (np.abs(z_m - nearby) < STEP_M), z_m, np.nan)
 
 
-def fill_heights(z_m: F64, missing: Mask, reach: int) -> F64:
+def fill_heights(z_m: Array, missing: Mask, reach: int) -> Array:
     """Continue the known heights into the `missing` cells; other cells are unchanged.
 
     Per connected region a plane is fitted to the known cells within `reach` cells around it (a
@@ -79,7 +79,7 @@ def fill_heights(z_m: F64, missing: Mask, reach: int) -> F64:
     return result
 
 
-def _alike(z: F64, scanned: Mask, mask: Mask) -> Mask:
+def _alike(z: Array, scanned: Mask, mask: Mask) -> Mask:
     """Return which heights belong to the floor along most of the rim, not beyond a step."""
     rim = scanned & grow(mask)
     if not rim.any():
@@ -90,7 +90,7 @@ def _alike(z: F64, scanned: Mask, mask: Mask) -> Mask:
     return (z >= floor[0] - STEP_M) & (z <= floor[-1] + STEP_M)
 
 
-def _plane(z: F64, scanned: Mask) -> F64:
+def _plane(z: Array, scanned: Mask) -> Array:
     """Fit a robust plane to the window: reweighted least squares; level if the slope is slight."""
     i, j = np.nonzero(scanned)
     values = z[scanned]
@@ -121,7 +121,7 @@ def _plane(z: F64, scanned: Mask) -> F64:
     )
 
 
-def _spread(remainder: F64, mask: Mask) -> F64:
+def _spread(remainder: Array, mask: Mask) -> Array:
     """Solve Laplace's equation in `mask` with the known remainder around it as boundary values."""
     index = np.full(mask.shape, -1)
     count = int(mask.sum())

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 from PIL import Image
 
+from ...formats.core.arrays import F32, I64, Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F32, F64, I64, Mask
 from ..config import RepairConfig
 from ..grid.columns import Columns, sample_columns, top_faces
 from ..grid.morphology import grow, nearest_in
@@ -28,7 +28,7 @@ from .patch_region import patch_region
 class Crack:
     """A filled gap finer than the grid: its outer ring (n, 2) [m] and area."""
 
-    ring_xy_m: F64
+    ring_xy_m: Array
     area_m2: float
 
 
@@ -51,7 +51,7 @@ class RepairedFloor:
     materials: tuple[ScanMaterial, ...]
     objects: tuple[ScanObject, ...]
     fine: GridSpec
-    height_m: F64
+    height_m: Array
     floor_z_m: float
     scanned: Mask
     scanned_faces: I64

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import I32, I64, Array, Mask
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I32, I64, Mask
 from ..grid.columns import Columns
 
 # A walkable surface: at most this steep …
@@ -27,14 +27,14 @@ class Surfaces:
     """
 
     cell: I64
-    z_m: F64
+    z_m: Array
     face: I32
-    clear_m: F64
+    clear_m: Array
     part: I64
     parts: int
 
 
-def find_surfaces(columns: Columns, normal_z: F64, ignore: Mask, clear_m: float) -> Surfaces:
+def find_surfaces(columns: Columns, normal_z: Array, ignore: Mask, clear_m: float) -> Surfaces:
     """Group the horizontal samples with at least `clear_m` of free height above into surfaces.
 
     `normal_z` (F,) are vertical parts of unit normals, whose sign is not used: a scan's winding
@@ -53,7 +53,7 @@ def find_surfaces(columns: Columns, normal_z: F64, ignore: Mask, clear_m: float)
     return Surfaces(cell[index], z[index], face[index], clear[index], part, count)
 
 
-def connected(cell: I64, z_m: F64, grid: GridSpec, step_m: float) -> I64:
+def connected(cell: I64, z_m: Array, grid: GridSpec, step_m: float) -> I64:
     """Return the number, from 0, of the connected part that each sample (N,) belongs to.
 
     `cell` (N,) is sorted; samples of neighbouring cells are connected if their heights differ by at

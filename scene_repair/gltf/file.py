@@ -11,12 +11,12 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import FileFormatError
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.files import check_input, read_input
 from ...formats.untrusted.glb import glb_bytes, read_glb
 from ...formats.untrusted.limits import limits
-from ..arrays import F64
 from ..scan.resolver import ConfinedResolver
 
 # Parts of the tree that are lists of objects.
@@ -44,7 +44,7 @@ class ColorImage:
 
     image: int
     name: str
-    to_uv: F64
+    to_uv: Array
     coordinates: int
 
 
@@ -168,7 +168,7 @@ def _plain(primitive: dict[str, Any]) -> dict[str, Any]:
     return {**primitive, "attributes": attributes}
 
 
-def _affine(transform: dict[str, Any]) -> F64:
+def _affine(transform: dict[str, Any]) -> Array:
     """Return the affine map of KHR_texture_transform: scale, then rotate, then translate."""
     angle = float(transform.get("rotation", 0.0))
     if not np.isfinite(angle):

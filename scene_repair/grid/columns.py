@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import F32, I32, I64, Array
 from ...formats.core.errors import SceneError
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
-from ..arrays import F32, F64, I32, I64
 
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
 MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
@@ -38,7 +38,7 @@ class Columns:
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
 
-def sample_columns(vertices_m: F64, faces: I64, grid: GridSpec) -> Columns:
+def sample_columns(vertices_m: Array, faces: I64, grid: GridSpec) -> Columns:
     """Intersect the vertical lines through all cell centres with faces (F, 3) of vertices (V, 3).
 
     Raises:
@@ -75,7 +75,7 @@ def sample_columns(vertices_m: F64, faces: I64, grid: GridSpec) -> Columns:
     return Columns(grid, start, z, face)
 
 
-def _cell_tests(scaled: F64, faces: I64, grid: GridSpec) -> int:
+def _cell_tests(scaled: Array, faces: I64, grid: GridSpec) -> int:
     """Count the cells in the bounding rectangles of all faces; `scaled` is in cells."""
     total = 0.0
     for first in range(0, len(faces), FACES_AT_ONCE):
@@ -86,7 +86,7 @@ def _cell_tests(scaled: F64, faces: I64, grid: GridSpec) -> int:
     return int(total)
 
 
-def top_faces(vertices_m: F64, faces: I64, corner_uv: F32, grid: GridSpec) -> tuple[I32, F32]:
+def top_faces(vertices_m: Array, faces: I64, corner_uv: F32, grid: GridSpec) -> tuple[I32, F32]:
     """Return the topmost face at each cell's centre, −1 = none, and its texture coordinates there.
 
     Vertices are (V, 3) in the world, faces (F, 3), their coordinates (F, 3, 2); results are
@@ -112,7 +112,7 @@ def top_faces(vertices_m: F64, faces: I64, corner_uv: F32, grid: GridSpec) -> tu
     return face, uv
 
 
-def _cross(p: F64, q: F64) -> F64:
+def _cross(p: Array, q: Array) -> Array:
     return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
 
 

@@ -3,16 +3,16 @@
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import Array
 from ...formats.scene.bundle import Floor
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64
 from .morphology import nearest_in
 
 # Steps larger than this are real edges (platforms, sunken areas) and stay sharp.
 EDGE_M = 0.03
 
 
-def coarse_floor(fine: GridSpec, z_m: F64, grid: GridSpec) -> Floor:
+def coarse_floor(fine: GridSpec, z_m: Array, grid: GridSpec) -> Floor:
     """Average a fine floor (NaN = none) over the cells of `grid` and extend it outside.
 
     Cells of `grid` are a whole multiple of the fine ones; both have one origin.
@@ -29,7 +29,7 @@ def coarse_floor(fine: GridSpec, z_m: F64, grid: GridSpec) -> Floor:
     return Floor(grid, height.astype(np.float32), covered)
 
 
-def smooth(height_m: F64) -> F64:
+def smooth(height_m: Array) -> Array:
     """Return means over 5 × 5 cells within `EDGE_M` of each height (bilateral); NaN stays."""
     finite = np.isfinite(height_m)
     padded = np.pad(np.where(finite, height_m, np.nan), 2, constant_values=np.nan)
@@ -45,7 +45,7 @@ def smooth(height_m: F64) -> F64:
     return np.where(finite, total / np.maximum(weight, 1), np.nan)
 
 
-def extend(height_m: F64) -> F64:
+def extend(height_m: Array) -> Array:
     """Give every NaN cell the height of the nearest known one, of which there is at least one."""
     finite = np.isfinite(height_m)
     if not finite.any():
@@ -53,7 +53,7 @@ def extend(height_m: F64) -> F64:
     return height_m[nearest_in(finite)]
 
 
-def heights_at(height_m: F64, grid: GridSpec, xy_m: F64) -> F64:
+def heights_at(height_m: Array, grid: GridSpec, xy_m: Array) -> Array:
     """Return heights (N,) at points (N, 2), bilinear between the centres of cells."""
     position = (xy_m - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
     return ndimage.map_coordinates(height_m, position[:, ::-1].T, order=1, mode="nearest")

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 
-from ..arrays import F64, I32, I64, Mask
+from ...formats.core.arrays import I32, I64, Array, Mask
 
 Window = tuple[slice, slice]
 SQUARE = np.ones((3, 3), dtype=bool)
@@ -42,7 +42,7 @@ def grown_window(window: Window, reach: int, shape: tuple[int, ...]) -> Window:
     )
 
 
-def distance_to(mask: Mask) -> F64:
+def distance_to(mask: Mask) -> Array:
     """Return the distance of every cell to the nearest true cell, in cells; inf if none."""
     if not mask.any():
         return np.full(mask.shape, np.inf)

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import I64, Array
 from ...formats.core.kernel import kernel
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, I64
 from .morphology import Window
 
 
 def slice_marks(
-    vertices_m: F64, faces: I64, grid: GridSpec, heights_m: F64, window: Window | None = None
+    vertices_m: Array, faces: I64, grid: GridSpec, heights_m: Array, window: Window | None = None
 ) -> NDArray[np.uint32]:
     """Return cells whose bit n is set if a surface crosses the plane z = `heights_m[n]` (n < 32).
 

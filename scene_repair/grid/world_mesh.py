@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from ...formats.core.arrays import F32, I32, I64, Array, Mask
 from ...formats.core.geometry import triangle_normals
-from ..arrays import F32, F64, I32, I64, Mask
 from ..scan.record import Scan
 
 
@@ -14,20 +14,20 @@ from ..scan.record import Scan
 class WorldMesh:
     """Triangles in the world frame [m], else as in `Scan`; each repair step returns a new one."""
 
-    vertices: F64
+    vertices: Array
     faces: I64
     corner_uv: F32
     face_material: I32
     face_object: I32
 
     @staticmethod
-    def of(scan: Scan, source_to_world: F64) -> "WorldMesh":
+    def of(scan: Scan, source_to_world: Array) -> "WorldMesh":
         """Transform a scan by a (4, 4) similarity."""
         vertices = scan.vertices @ source_to_world[:3, :3].T + source_to_world[:3, 3]
         return WorldMesh(vertices, scan.faces, scan.corner_uv, scan.face_material, scan.face_object)
 
     @cached_property
-    def normals(self) -> F64:
+    def normals(self) -> Array:
         """Return unit normals (F, 3); zero for degenerate faces."""
         return triangle_normals(self.vertices[self.faces])
 
@@ -40,7 +40,7 @@ class WorldMesh:
         return replace(self, vertices=np.concatenate([self.vertices, copies]), faces=moved)
 
     def extended(
-        self, new_vertices: F64, new_faces: I64, new_uv: F32, *, material: int, obj: int
+        self, new_vertices: Array, new_faces: I64, new_uv: F32, *, material: int, obj: int
     ) -> "WorldMesh":
         """Append vertices and faces; `new_faces` index the joint vertex array."""
         count = len(new_faces)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..arrays import F64
+from ...formats.core.arrays import Array
 from ..orient.bounds import robust_bounds
 from ..scan.files import HOUSE_NAME
 from ..scan.record import Scan
@@ -41,7 +41,7 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
             "scan's; its labels are not used"
         )
         return replace(scan, warnings=(*scan.warnings, line)), boxes
-    labelled: dict[str, list[F64]] = {}
+    labelled: dict[str, list[Array]] = {}
     for box in boxes:
         labelled.setdefault(box.category, []).append(_bounds(box.corners()))
     for thing, selected in zip(scan.objects, scan.object_faces(), strict=True):
@@ -61,7 +61,7 @@ def label_scan(source: Path, scan: Scan) -> tuple[Scan, list[LabelBox]]:
     return replace(scan, up=(up, reason), unit=unit), boxes
 
 
-def _bounds(points: F64) -> F64:
+def _bounds(points: Array) -> Array:
     return np.stack([points.min(axis=0), points.max(axis=0)])
 
 
@@ -76,7 +76,7 @@ def _frame(house: House, scan: Scan) -> tuple[str, float]:
     return best, agreement[best]
 
 
-def _iou(first: F64, second: F64) -> F64:
+def _iou(first: Array, second: Array) -> Array:
     """Return the intersection over union (…) of boxes given by their corners (…, 2, 3)."""
     low, high = first[..., 0, :], first[..., 1, :]
     sides = np.minimum(high, second[..., 1, :]) - np.maximum(low, second[..., 0, :])

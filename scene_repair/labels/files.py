@@ -8,11 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.core.errors import FileFormatError, brief
 from ...formats.core.frames import quat_to_matrix, xyzw_to_wxyz
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.limits import limits
-from ..arrays import F64, Mask
 from ..scan.files import INTERIOR_NAME, LABELS_NAME, MAX_LABELS_BYTES, side_file
 from ..scan.soup import MAX_COORDINATE
 from .categories import category_of_name
@@ -29,16 +29,16 @@ class LabelBox:
 
     name: str
     category: str
-    center: F64
-    axes: F64
-    half: F64
+    center: Array
+    axes: Array
+    half: Array
 
-    def corners(self) -> F64:
+    def corners(self) -> Array:
         """Return the corners (8, 3)."""
         signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
         return self.center + (signs * self.half) @ self.axes
 
-    def contains(self, points: F64, margin: float) -> Mask:
+    def contains(self, points: Array, margin: float) -> Mask:
         """Return whether points (N, 3) lie in the box grown by `margin`."""
         local = (points - self.center) @ self.axes.T
         return np.all(np.abs(local) <= self.half + margin, axis=1)
@@ -132,7 +132,7 @@ def _headset(index: int, entry: dict[str, Any]) -> LabelBox:
     )
 
 
-def _bounded(*values: F64) -> bool:
+def _bounded(*values: Array) -> bool:
     """Return whether all values are finite and plausible for a building."""
     return all(bool((np.abs(v) < MAX_COORDINATE).all()) for v in values)
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import FileFormatError, brief
-from ..arrays import F64
 from ..scan.files import MAX_HOUSE_BYTES, side_file
 from .categories import category_of_name
 from .files import LabelBox, within_limit
@@ -36,8 +36,8 @@ class House:
     """The boxes of things and rooms in a `.house` file, z up, and the building's bounds (3,)."""
 
     boxes: list[LabelBox]
-    lower: F64
-    upper: F64
+    lower: Array
+    upper: Array
 
 
 def read_house(path: Path) -> House | None:
@@ -50,7 +50,7 @@ def read_house(path: Path) -> House | None:
         raise FileFormatError(path, f"does not begin with {HEADER!r}, as .house files do")
     categories: dict[str, str] = {}
     boxes: list[LabelBox] = []
-    bounds: F64 | None = None
+    bounds: Array | None = None
     for number, line in enumerate(lines[1:], start=2):
         fields = line.split()
         try:
@@ -73,7 +73,7 @@ def read_house(path: Path) -> House | None:
     return House(boxes, bounds[0], bounds[1])
 
 
-def _floats(fields: list[str], count: int) -> F64:
+def _floats(fields: list[str], count: int) -> Array:
     if len(fields) != count:
         raise ValueError(f"{len(fields)} of {count} numbers: {' '.join(fields)}")
     values = np.array([float(f) for f in fields])

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import I32, Array, Mask
 from ...formats.core.geometry import triangle_normals
 from ...formats.scene.bundle import LabeledObject
-from ..arrays import F64, I32, Mask
 from ..scan.record import Scan, ScanObject
 from .categories import THINGS
 from .files import LabelBox
@@ -31,7 +31,7 @@ FLOOR_CATEGORIES = frozenset(
 )
 
 
-def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: F64) -> Scan:
+def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: Array) -> Scan:
     """Label faces by boxes: named parts by their name, others by the smallest box they lie in.
 
     A box stands on the floor but does not own it: level faces at its bottom stay without a label,
@@ -63,7 +63,7 @@ def label_by_boxes(scan: Scan, boxes: list[LabelBox], source_to_world: F64) -> S
     return replace(scan, face_object=face_object, objects=(*objects, *added))
 
 
-def _within(box: LabelBox, tree: KDTree | None, points: F64, margin: float) -> NDArray[np.intp]:
+def _within(box: LabelBox, tree: KDTree | None, points: Array, margin: float) -> NDArray[np.intp]:
     """Return which of `points` (N, 3) lie in an enlarged box; a tree of them is for many boxes."""
     reach = float(np.linalg.norm(box.half + margin)) * (1 + 1e-9)
     count = 0 if tree is None else tree.query_ball_point(box.center, reach, return_length=True)
@@ -118,8 +118,8 @@ def labelled_objects(
     scan: Scan,
     boxes: list[LabelBox],
     *,
-    vertices_world_m: F64,
-    source_to_world: F64,
+    vertices_world_m: Array,
+    source_to_world: Array,
     level_floor_z_m: tuple[float, ...],
 ) -> tuple[tuple[LabeledObject, ...], I32]:
     """Return named objects with world bounds: label boxes first, then named nodes.
@@ -132,7 +132,7 @@ def labelled_objects(
     boxed: dict[str, int] = {}
     index = np.full(len(scan.objects), -1, dtype=np.int32)
 
-    def add(name: str, category: str, points: F64) -> None:
+    def add(name: str, category: str, points: Array) -> None:
         unique, n = name, numbers.get(name, 1)
         while unique in names:
             n += 1

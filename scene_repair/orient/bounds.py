@@ -2,15 +2,15 @@
 
 import numpy as np
 
+from ...formats.core.arrays import I64, Array
 from ...formats.core.geometry import triangle_areas
-from ..arrays import F64, I64
 
 # This share of the surface may lie beyond the bounds on either side of an axis, if it lies further
 # away than this share of the extent.
 STRAY_SHARE, STRAY_DISTANCE = 5e-4, 0.1
 
 
-def robust_bounds(vertices: F64, faces: I64) -> tuple[F64, F64]:
+def robust_bounds(vertices: Array, faces: I64) -> tuple[Array, Array]:
     """Return lower and upper corner (3,) of a mesh (V, 3), (F, 3) with at least one face."""
     corners = vertices[faces]
     weight = triangle_areas(corners)

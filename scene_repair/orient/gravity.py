@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.core.geometry import triangle_normals_and_areas
-from ..arrays import F64, I64, Mask
 
 # Normals are gathered in cells of about a degree, whose mean is exact.
 CELLS_PER_UNIT = 60
@@ -48,16 +48,16 @@ class Surfaces:
             directions count as one.
     """
 
-    normals: F64
-    area: F64
-    centers: F64
-    points: F64
+    normals: Array
+    area: Array
+    centers: Array
+    points: Array
     point_face: I64
-    cells: F64
-    cell_area: F64
+    cells: Array
+    cell_area: Array
 
     @staticmethod
-    def of(vertices: F64, faces: I64) -> "Surfaces":
+    def of(vertices: Array, faces: I64) -> "Surfaces":
         """Compute from triangles of non-zero area: vertices (V, 3), faces (F, 3)."""
         corners = vertices[faces]
         normals, area = triangle_normals_and_areas(corners)
@@ -85,7 +85,7 @@ class Surfaces:
         )
 
 
-def _spread(corners: F64, area: F64) -> tuple[F64, I64]:
+def _spread(corners: Array, area: Array) -> tuple[Array, I64]:
     """Return points (N, 3) spread over triangles (F, 3, 3) of areas (F,), and the face of each."""
     passed = np.cumsum(area)
     number = np.arange(POINTS) + 0.5
@@ -98,7 +98,7 @@ def _spread(corners: F64, area: F64) -> tuple[F64, I64]:
     return a + u * (b - a) + v * (c - a), face
 
 
-def modes(surfaces: Surfaces) -> F64:
+def modes(surfaces: Surfaces) -> Array:
     """Return the directions (n, 3) that most area faces, largest first."""
     cells, area = surfaces.cells, surfaces.cell_area
     left = area.copy()
@@ -118,7 +118,7 @@ def modes(surfaces: Surfaces) -> F64:
 
 
 def level_and_upright(
-    surfaces: Surfaces, up: F64, within_deg: float = WIDE_DEG
+    surfaces: Surfaces, up: Array, within_deg: float = WIDE_DEG
 ) -> tuple[float, float]:
     """Return the shares of the area that are level and upright if `up` (3,) is up."""
     cosine = np.abs(surfaces.cells @ up)
@@ -128,7 +128,7 @@ def level_and_upright(
     return float(level / total), float(upright / total)
 
 
-def refine(surfaces: Surfaces, up: F64) -> F64:
+def refine(surfaces: Surfaces, up: Array) -> Array:
     """Refine a direction to fit level faces and the orthogonal upright ones.
 
     Minimises Σ w (1 − (n·u)²) over level and Σ w (n·u)² over upright faces, an eigenvector of the
@@ -151,7 +151,7 @@ def refine(surfaces: Surfaces, up: F64) -> F64:
     return up
 
 
-def height_range(surfaces: Surfaces, up: F64) -> tuple[float, float]:
+def height_range(surfaces: Surfaces, up: Array) -> tuple[float, float]:
     """Return the 0.1 and 99.9 percentile of the area along `up` (3,)."""
     height = surfaces.centers @ up
     order = np.argsort(height)
@@ -160,7 +160,7 @@ def height_range(surfaces: Surfaces, up: F64) -> tuple[float, float]:
     return float(height[order[low]]), float(height[order[min(high, len(order) - 1)]])
 
 
-def likeness(surfaces: Surfaces, up: F64) -> float:
+def likeness(surfaces: Surfaces, up: Array) -> float:
     """Return a score of how likely `up` (3,) is a building's vertical.
 
     Level area per height, more so if it gathers at few heights: walls in a direction lie at many
@@ -181,7 +181,7 @@ def likeness(surfaces: Surfaces, up: F64) -> float:
     return float(inside / surfaces.area.sum() * gathered * width / tall)
 
 
-def enclosure(surfaces: Surfaces, up: F64) -> float:
+def enclosure(surfaces: Surfaces, up: Array) -> float:
     """Return the share of the ground plan along `up` (3,) that walls enclose on three sides.
 
     What lies on its side and has no floor or ceiling of its own is open along its longest edges.
@@ -208,7 +208,7 @@ def enclosure(surfaces: Surfaces, up: F64) -> float:
     return float((met >= 3)[inside].mean()) if inside.any() else 1.0
 
 
-def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
+def side_evidence(surfaces: Surfaces, up: Array) -> tuple[float, str]:
     """Return which end of the axis `up` (3,) is up (positive: `up`), and the reason.
 
     Furniture stands, it does not hang: what is no wall lies in the lower half. And where faces look
@@ -245,7 +245,7 @@ def side_evidence(surfaces: Surfaces, up: F64) -> tuple[float, str]:
     )
 
 
-def _slabs(height: F64, area: F64) -> tuple[float, float, Mask]:
+def _slabs(height: Array, area: Array) -> tuple[float, float, Mask]:
     """Return the lowest and highest of places (n,) with much of the areas (n,); those with most."""
     if not len(height):
         return 0.0, 0.0, np.zeros(0, dtype=bool)

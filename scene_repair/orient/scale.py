@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from ..arrays import F64
+from ...formats.core.arrays import Array
 from ..config import UNIT_M, metres_per
 from ..scan.record import Scan
 from .gravity import Surfaces, height_range
@@ -47,7 +47,7 @@ class Sizes:
     narrow: float = 0.0
 
 
-def measure(scan: Scan, surfaces: Surfaces, to_z_up: F64) -> Sizes:
+def measure(scan: Scan, surfaces: Surfaces, to_z_up: Array) -> Sizes:
     """Measure a scan whose up direction is the last row of the rotation `to_z_up` (3, 3)."""
     up = to_z_up[2]
     floor, room = room_height(surfaces, up)
@@ -64,7 +64,7 @@ def measure(scan: Scan, surfaces: Surfaces, to_z_up: F64) -> Sizes:
     return Sizes(room, door, source, width, narrow)
 
 
-def room_height(surfaces: Surfaces, up: F64) -> tuple[float, float]:
+def room_height(surfaces: Surfaces, up: Array) -> tuple[float, float]:
     """Return a floor's height along `up` (3,), and the largest gap to the next level surface."""
     height = surfaces.centers @ up
     low, high = height_range(surfaces, up)
@@ -86,7 +86,7 @@ def room_height(surfaces: Surfaces, up: F64) -> tuple[float, float]:
     return floor, max(high - floor, 0.0)
 
 
-def _ground_plan(surfaces: Surfaces, up: F64) -> float:
+def _ground_plan(surfaces: Surfaces, up: Array) -> float:
     """Return the area of the convex hull seen along `up` (3,); 0 if it is a line."""
     across = np.linalg.svd(up[None])[2][1:]
     try:
@@ -100,7 +100,9 @@ def hall(room_m: float, narrow_m: float) -> bool:
     return HIGH_ROOM_M < room_m <= min(narrow_m, HALL_M)
 
 
-def _door_height(surfaces: Surfaces, to_z_up: F64, floor: float, room: float) -> tuple[float, str]:
+def _door_height(
+    surfaces: Surfaces, to_z_up: Array, floor: float, room: float
+) -> tuple[float, str]:
     """Return the typical lower edge of lintels: walls that start high and reach the ceiling.
 
     Walls under windows reach down, so that only openings from the floor up count.

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import SceneError
-from ..arrays import F64
 from ..config import RepairConfig, metres_per
 from ..scan.left_out import advice
 from ..scan.record import Scan
@@ -32,9 +32,9 @@ class Orientation:
         evidence: what was decided and why, as JSON values.
     """
 
-    source_to_world: F64
-    file_to_world: F64
-    habitat_to_world: F64
+    source_to_world: Array
+    file_to_world: Array
+    habitat_to_world: Array
     evidence: dict[str, Any]
 
 
@@ -97,7 +97,7 @@ def _unit(scan: Scan, sizes: Sizes, config: RepairConfig) -> tuple[str, str, lis
     return unit, f"{reason}, though {doubt}", [doubt]
 
 
-def _check_extent(size_m: F64, unit: str, scan: Scan) -> None:
+def _check_extent(size_m: Array, unit: str, scan: Scan) -> None:
     longest = float(size_m[:2].max())
     if not MIN_EXTENT_M <= longest <= MAX_EXTENT_M:
         large = advice(scan) if longest > MAX_EXTENT_M else ""
@@ -114,7 +114,7 @@ def _length(metres: float) -> str:
     return f"{metres:.4g} m" if metres < 1000 else f"{metres / 1000:.4g} km"
 
 
-def _levelling(up: F64, config: RepairConfig) -> tuple[F64, float]:
+def _levelling(up: Array, config: RepairConfig) -> tuple[Array, float]:
     """Return the rotation from `up` (3,) to z, and its angle [deg].
 
     None is made for a slight tilt, or for more than a scan may have whose up axis was given.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..arrays import F64
+from ...formats.core.arrays import Array
 from ..config import RepairConfig, metres_per
 from ..scan.record import Scan
 from .gravity import (
@@ -53,7 +53,7 @@ class Up:
 
     axis: str
     reason: str
-    direction: F64
+    direction: Array
     doubts: list[str]
 
 
@@ -84,7 +84,11 @@ def find_up(scan: Scan, surfaces: Surfaces, config: RepairConfig) -> Up:
 
 
 def _promised(
-    scan: Scan, surfaces: Surfaces, promise: tuple[str, str], directions: F64, config: RepairConfig
+    scan: Scan,
+    surfaces: Surfaces,
+    promise: tuple[str, str],
+    directions: Array,
+    config: RepairConfig,
 ) -> Up:
     """Judge an axis that the user or the file names, with the reason; users are not overruled."""
     axis, reason = promise
@@ -131,7 +135,7 @@ def _promised(
     return given
 
 
-def _rivals(directions: F64, scores: F64) -> list[str]:
+def _rivals(directions: Array, scores: Array) -> list[str]:
     """Return a doubt if another direction (n, 3) is nearly as likely as the best, by score (n,)."""
     best = int(np.argmax(scores))
     aslant = np.abs(directions @ directions[best]) < ASLANT
@@ -147,7 +151,7 @@ def _rivals(directions: F64, scores: F64) -> list[str]:
     ]
 
 
-def _signed(scan: Scan, surfaces: Surfaces, axis: F64) -> tuple[F64, str, bool]:
+def _signed(scan: Scan, surfaces: Surfaces, axis: Array) -> tuple[Array, str, bool]:
     """Return whichever of `axis` (3,) and its opposite is up, why, and whether that is sure."""
     places: dict[bool, list[float]] = {True: [], False: []}
     centers = surfaces.centers @ axis
@@ -171,12 +175,12 @@ def _signed(scan: Scan, surfaces: Surfaces, axis: F64) -> tuple[F64, str, bool]:
     return axis, evidence, sure
 
 
-def _axis_of(direction: F64) -> str:
+def _axis_of(direction: Array) -> str:
     k = int(np.argmax(np.abs(direction)))
     return ("" if direction[k] > 0 else "-") + "xyz"[k]
 
 
-def _near(surfaces: Surfaces, axis: str, directions: F64, config: RepairConfig) -> F64:
+def _near(surfaces: Surfaces, axis: str, directions: Array, config: RepairConfig) -> Array:
     """Return the vertical (3,) near a named axis: the best-scoring direction, refined."""
     given = TO_Z_UP[axis][2]
     best, most = given, 0.0

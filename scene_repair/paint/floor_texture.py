@@ -3,9 +3,9 @@
 import numpy as np
 from PIL import Image
 
+from ...formats.core.arrays import F32, I32, I64, Array, Mask
 from ...formats.core.threads import in_order
 from ...formats.scene.grid import GridSpec
-from ..arrays import F32, F64, I32, I64, Mask
 from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow
 from ..grid.world_mesh import WorldMesh
@@ -112,7 +112,7 @@ def _paint_room(
     return window, image[crop], target[crop]
 
 
-def uv_on(grid: GridSpec, xy_m: F64) -> F32:
+def uv_on(grid: GridSpec, xy_m: Array) -> F32:
     """Return texture coordinates (..., 2), v up, of world points (..., 2) on a texel grid."""
     size = np.array([grid.columns, grid.rows]) * grid.cell_m
     return ((xy_m - np.asarray(grid.origin_xy_m)) / size).astype(np.float32)

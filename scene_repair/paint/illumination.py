@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from scipy import ndimage
 
-from ..arrays import F32, F64, Mask
+from ...formats.core.arrays import F32, Array, Mask
 from .pattern_search import COARSE, blocks, masked, reduced
 
 # Colours are compared as logarithms, in which light is a sum; black is kept finite.
@@ -58,7 +58,7 @@ def split_light(image: F32, valid: Mask, plain: Mask, texel_m: float) -> Split:
     return Split(wide, masked(tone, valid))
 
 
-def blurred(image: F32, sigma: float) -> F64:
+def blurred(image: F32, sigma: float) -> Array:
     """Return the zero-padded Gaussian mean (H, W[, C]); float64, as its far tails count."""
     axes = (sigma, sigma, 0)[: image.ndim]
     return ndimage.gaussian_filter(image.astype(np.float64), axes, mode="constant", truncate=3.0)

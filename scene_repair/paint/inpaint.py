@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from ..arrays import F32, Mask
+from ...formats.core.arrays import F32, Mask
 from ..grid.morphology import Window, grow, grown_window, label
 from .illumination import blurred, split_light
 from .pattern_search import COARSE, Stock, best_place, reduced

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from ..arrays import F32, I32, U8
+from ...formats.core.arrays import F32, I32, U8
 from ..scan.record import ScanMaterial
 
 ROW = 4096

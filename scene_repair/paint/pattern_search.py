@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from ..arrays import F32, I64, Mask
+from ...formats.core.arrays import F32, I64, Mask
 from ..grid.morphology import Window
 
 # All places are tried at this fraction of the resolution, the best one's surroundings at full.

@@ -9,9 +9,9 @@ import numpy as np
 from scipy import sparse
 from trimesh.triangles import closest_point
 
+from ...formats.core.arrays import I32, I64, Array, Mask
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.geometry import triangle_normals, triangle_normals_and_areas
-from ..arrays import F64, I32, I64, Mask
 from .record import Scan
 
 # What is so many times as long as all the rest together dwarfs it.
@@ -106,7 +106,7 @@ def _dwarfing(scan: Scan, piece: I64, count: int) -> I64:
     return np.empty(0, dtype=np.int64)
 
 
-def _bounds(corners: F64, piece: I32 | I64, count: int) -> tuple[F64, F64]:
+def _bounds(corners: Array, piece: I32 | I64, count: int) -> tuple[Array, Array]:
     """Return the lower and upper corners (count, 3) of all pieces; inf and -inf of empty ones."""
     lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(lower, piece, corners.min(axis=1))
@@ -139,7 +139,7 @@ def advice(scan: Scan) -> str:
     return f"with {names} it is {times:.3g} times as long: --exclude {names}; "
 
 
-def _has_rooms(corners: F64, middle: F64, size: float) -> bool:
+def _has_rooms(corners: Array, middle: Array, size: float) -> bool:
     """Return whether triangles (F, 3, 3) enclose a place (3,) of that size as rooms do."""
     nearest = closest_point(corners, np.broadcast_to(middle, (len(corners), 3)))
     near = corners[np.linalg.norm(nearest - middle, axis=1) < NEAR * size]

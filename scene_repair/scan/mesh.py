@@ -15,10 +15,10 @@ from PIL import Image
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from trimesh.visual.texture import TextureVisuals
 
+from ...formats.core.arrays import F32, I64, U8
 from ...formats.core.errors import FileFormatError, first_line
 from ...formats.untrusted.files import check_input, read_input
 from ...formats.untrusted.limits import limits
-from ..arrays import F32, I64, U8
 from ..gltf.checks import check_gltf
 from ..gltf.file import GltfFile, gltf_facts
 from ..gltf.textures import with_images

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import I64, Array
 from ...formats.core.errors import FileFormatError, InputError, MissingExtraError
 from ...formats.core.geometry import coarse_warning, far_offset
 from ...formats.splats.ply_header import read_ply_header
-from ..arrays import F64, I64
 from .headers import check_pcd
 from .readings import LookRef, Readings
 from .record import DEFAULT_COLOR
@@ -91,7 +91,7 @@ def _open3d() -> Any:
     return o3d
 
 
-def _points(o3d: Any, path: Path, warnings: list[str]) -> tuple[F64, F64 | None, F64 | None]:
+def _points(o3d: Any, path: Path, warnings: list[str]) -> tuple[Array, Array | None, Array | None]:
     """Return finite points (N, 3), and their sRGB colours in 0–1 and normals if there are any."""
     cloud = o3d.io.read_point_cloud(
         str(path), remove_nan_points=False, remove_infinite_points=False
@@ -118,8 +118,8 @@ def _points(o3d: Any, path: Path, warnings: list[str]) -> tuple[F64, F64 | None,
 
 
 def _thinned(
-    points: F64, colors: F64 | None, normals: F64 | None
-) -> tuple[F64, F64 | None, F64 | None, float]:
+    points: Array, colors: Array | None, normals: Array | None
+) -> tuple[Array, Array | None, Array | None, float]:
     """Thin the points to one per cell, at most `MAX_POINTS`; return their median spacing, too."""
     sample = points[:: max(1, len(points) // 20_000)]
     near, _ = KDTree(points).query(sample, k=2)
@@ -145,7 +145,7 @@ def _thinned(
     )
 
 
-def _estimate_normals(o3d: Any, cloud: Any, points: F64) -> None:
+def _estimate_normals(o3d: Any, cloud: Any, points: Array) -> None:
     """Estimate normals that agree with their neighbours; what is outermost faces inwards."""
     cloud.estimate_normals(o3d.geometry.KDTreeSearchParamKNN(NEIGHBOURS))
     cloud.orient_normals_consistent_tangent_plane(NEIGHBOURS)
@@ -157,7 +157,7 @@ def _estimate_normals(o3d: Any, cloud: Any, points: F64) -> None:
         cloud.normals = o3d.utility.Vector3dVector(-normals)
 
 
-def _surface(o3d: Any, cloud: Any, points: F64, spacing: float) -> tuple[F64, I64]:
+def _surface(o3d: Any, cloud: Any, points: Array, spacing: float) -> tuple[Array, I64]:
     """Return vertices and faces of the reconstruction where points support it."""
     extent = float(np.ptp(points, axis=0).max())
     depth = int(

@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from PIL import Image
 
+from ...formats.core.arrays import F32, I32, I64, Array, Mask
 from ...formats.core.errors import without_addresses
-from ..arrays import F32, F64, I32, I64, Mask
 
 # Surfaces that say nothing of their colour: plaster.
 DEFAULT_COLOR = (0.75, 0.74, 0.72)
@@ -38,7 +38,7 @@ class ScanObject:
 class Companion(Protocol):
     """What a scan holds beside its surface, and the bundle keeps: Gaussian splats."""
 
-    def save(self, folder: Path, source_to_world: F64) -> dict[str, Any]:
+    def save(self, folder: Path, source_to_world: Array) -> dict[str, Any]:
         """Write it into a bundle's folder, in world coordinates; return facts of the source."""
         ...
 
@@ -66,7 +66,7 @@ class Scan:
         companion: what the bundle keeps beside the surface; None for meshes and point clouds.
     """
 
-    vertices: F64
+    vertices: Array
     faces: I64
     corner_uv: F32
     face_material: I32
@@ -75,7 +75,7 @@ class Scan:
     objects: tuple[ScanObject, ...] = ()
     parts: tuple[str, ...] = ("",)
     face_part: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
-    offset: F64 = field(default_factory=lambda: np.zeros(3))
+    offset: Array = field(default_factory=lambda: np.zeros(3))
     up: tuple[str, str] | None = None
     unit: tuple[str, str] | None = None
     converted: bool = False
@@ -102,11 +102,11 @@ class Scan:
         return [order[a:b] for a, b in pairwise(ends)]
 
 
-def srgb_to_linear(srgb: F64) -> F64:
+def srgb_to_linear(srgb: Array) -> Array:
     """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
     return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
 
 
-def linear_to_srgb(linear: F64) -> F64:
+def linear_to_srgb(linear: Array) -> Array:
     """Apply the sRGB transfer function (IEC 61966-2-1); values in 0–1."""
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ...formats.core.arrays import F32, I64, U8, Array, Mask
 from ...formats.core.geometry import coarse_warning, far_offset, triangle_areas
-from ..arrays import F32, F64, I64, U8, Mask
 from .record import Scan, ScanMaterial, ScanObject
 
 # Coordinates beyond this are damage, not distance …
@@ -127,7 +127,7 @@ def _split_for_baking(part: ScanPart) -> list[ScanPart]:
     ]
 
 
-def _usable_faces(vertices: F64, faces: I64, warnings: list[str]) -> Mask:
+def _usable_faces(vertices: Array, faces: I64, warnings: list[str]) -> Mask:
     finite = np.all(np.isfinite(vertices) & (np.abs(vertices) < MAX_AWAY), axis=1)
     keep = finite[faces].all(axis=1)
     if not keep.all():
@@ -139,7 +139,7 @@ def _usable_faces(vertices: F64, faces: I64, warnings: list[str]) -> Mask:
     return keep & ~degenerate
 
 
-def weld(vertices: F64, faces: I64) -> tuple[F64, I64]:
+def weld(vertices: Array, faces: I64) -> tuple[Array, I64]:
     """Merge vertices at bitwise equal positions, drop unused ones; faces keep their order."""
     used, inverse = np.unique(faces, return_inverse=True)
     points = vertices[used] + 0.0  # −0.0 and 0.0 are one place

@@ -6,10 +6,10 @@ chosen from which most of it can be seen.
 
 import numpy as np
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.core.frames import look_at
 from ...formats.splats.record import GaussianCloud
 from ...geometry.fusion.volume import DistanceVolume
-from ..arrays import F64, Mask
 from .solid import Solid
 
 # Gaussians fainter than this make no surface worth a camera.
@@ -26,7 +26,7 @@ CANDIDATES, SAMPLES = 160, 12
 SIGHT_CELL_M, SIGHT_END_M = 0.05, 0.1
 LEAST_SHARE = 0.25
 
-View = tuple[F64, F64]
+View = tuple[Array, Array]
 
 
 def closer_views(
@@ -54,7 +54,7 @@ def closer_views(
     return views
 
 
-def _seen(volume: DistanceVolume, points: F64) -> Mask:
+def _seen(volume: DistanceVolume, points: Array) -> Mask:
     """Return whether the voxel of each point (N, 3) or one that shares a face with it was seen."""
     index = np.rint((points - volume.origin_m) / volume.voxel_m).astype(np.int64)
     most = np.array(volume.weight.shape) - 1
@@ -65,7 +65,7 @@ def _seen(volume: DistanceVolume, points: F64) -> Mask:
     return seen
 
 
-def _groups(points: F64) -> list[F64]:
+def _groups(points: Array) -> list[Array]:
     """Return points that lie in the same cell of a coarse grid, the largest groups first."""
     cell = np.floor(points / GROUP_M).astype(np.int64)
     _, of, count = np.unique(cell, axis=0, return_inverse=True, return_counts=True)
@@ -77,7 +77,7 @@ def _groups(points: F64) -> list[F64]:
     ]
 
 
-def _places(solid: Solid, factor: float) -> F64:
+def _places(solid: Solid, factor: float) -> Array:
     cells = np.argwhere(solid.clearance * factor > CLEARANCE_M)
     return factor * (solid.origin + solid.cell * cells)
 
@@ -85,13 +85,13 @@ def _places(solid: Solid, factor: float) -> F64:
 class _Sight:
     """Cells that surfaces occupy, for testing lines of sight."""
 
-    def __init__(self, points: F64):
+    def __init__(self, points: Array):
         self._lower = points.min(0)
         index = ((points - self._lower) / SIGHT_CELL_M).astype(np.int64)
         self._occupied = np.zeros(index.max(0) + 1, dtype=bool)
         self._occupied[tuple(index.T)] = True
 
-    def open(self, eyes: F64, targets: F64) -> Mask:
+    def open(self, eyes: Array, targets: Array) -> Mask:
         """Return (E, T) whether the line from an eye (E, 3) to a target (T, 3) is free."""
         direction = targets[None] - eyes[:, None]
         length = np.linalg.norm(direction, axis=2)
@@ -107,7 +107,7 @@ class _Sight:
         return free
 
 
-def _view_of(group: F64, places: F64, sight: _Sight, rng: np.random.Generator) -> View | None:
+def _view_of(group: Array, places: Array, sight: _Sight, rng: np.random.Generator) -> View | None:
     """Return the camera that sees most of a group (N, 3); None if none sees enough of it."""
     target = np.median(group, axis=0)
     distance = np.linalg.norm(places - target, axis=1)

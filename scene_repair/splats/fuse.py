@@ -10,6 +10,7 @@ import numpy as np
 from scipy import sparse
 from scipy.spatial import KDTree
 
+from ...formats.core.arrays import F32, U8, Array
 from ...formats.core.camera import CameraModel
 from ...formats.core.errors import SceneError
 from ...formats.splats.harmonics import C0
@@ -18,7 +19,6 @@ from ...geometry.fusion.surface import ScanMesh, extract
 from ...geometry.fusion.volume import DistanceVolume
 from ...geometry.splatting.draw import Eye, SplatImage, draw_splats
 from ...geometry.splatting.scene import SplatScene
-from ..arrays import F32, F64, U8
 from ..grid.morphology import label
 from .closer import closer_views
 from .solid import Solid
@@ -105,7 +105,7 @@ def smoothed(mesh: ScanMesh) -> ScanMesh:
     return ScanMesh(points, mesh.faces)
 
 
-def stations(solid: Solid, factor: float) -> F64:
+def stations(solid: Solid, factor: float) -> Array:
     """Return camera positions (S, 3) spread over the enclosed space, normalised lengths."""
     clear = solid.clearance * factor
     open_ = clear > STATION_CLEARANCE_M
@@ -149,7 +149,7 @@ def _look(scene: SplatScene, volume: DistanceVolume, eyes: Iterable[Eye]) -> Non
         )
 
 
-def _colors(cloud: GaussianCloud, points: F64) -> U8:
+def _colors(cloud: GaussianCloud, points: Array) -> U8:
     """Return the colours (V, 3) of the Gaussians nearest to points (V, 3)."""
     _, near = KDTree(cloud.position).query(points, k=4)
     rgb = 0.5 + C0 * cloud.harmonics[:, 0]

@@ -11,11 +11,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...formats.core.arrays import I64, Array, Mask
 from ...formats.core.errors import FileFormatError
 from ...formats.splats.record import GaussianCloud
 from ...formats.untrusted.documents import parse_json
 from ...formats.untrusted.files import read_input
-from ..arrays import F64, I64, Mask
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
 
@@ -59,7 +59,7 @@ def read_occupancy(path: Path, cloud: GaussianCloud) -> Scan:
     return merge_parts([part], [note], up, ("m", "InteriorGS is in metres by its documentation"))
 
 
-def _metadata(path: Path) -> tuple[float, F64]:
+def _metadata(path: Path) -> tuple[float, Array]:
     """Return metres per pixel and the lower corner (2,) [m]."""
     if not path.is_file():
         raise FileFormatError(path, "missing; it holds the position of the map")
@@ -79,7 +79,7 @@ def _metadata(path: Path) -> tuple[float, F64]:
 
 
 def _check_directions(
-    path: Path, free: Mask, scale: float, origin: F64, cloud: GaussianCloud
+    path: Path, free: Mask, scale: float, origin: Array, cloud: GaussianCloud
 ) -> None:
     """Raise FileFormatError if obstacles among the splats fit a mirrored map better."""
     position = cloud.position.astype(np.float64) + cloud.offset
@@ -103,7 +103,7 @@ def _check_directions(
         )
 
 
-def _floor(free: Mask) -> F64:
+def _floor(free: Mask) -> Array:
     """Return quads (N, 4, 3) over runs of free pixels, xy in pixels, seen from above."""
     row, start, end = _runs(free)
     low, high = np.c_[start, row], np.c_[end, row + 1]
@@ -111,7 +111,7 @@ def _floor(free: Mask) -> F64:
     return np.stack([np.c_[c, np.full(len(c), FLOOR_Z_M)] for c in corners], axis=1)
 
 
-def _walls(free: Mask) -> list[F64]:
+def _walls(free: Mask) -> list[Array]:
     """Return upright quads (N, 4, 3) along the border of the free pixels, facing them."""
     padded = np.pad(free, 1)
     quads = []

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import FileFormatError, SceneError
 from ...formats.splats.kind import USD_SUFFIXES, splat_kind
 from ...formats.splats.read import read_splats
 from ...formats.splats.record import GaussianCloud
 from ...formats.splats.store import save_splats
-from ..arrays import F64
 from ..scan.dispatch import check_scan, read_scan
 from ..scan.record import Scan, ScanMaterial
 from ..scan.soup import Part, merge_parts
@@ -36,7 +36,7 @@ class KeptSplats:
     cloud: GaussianCloud
     surface: str
 
-    def save(self, folder: Path, source_to_world: F64) -> dict[str, Any]:
+    def save(self, folder: Path, source_to_world: Array) -> dict[str, Any]:
         """Write the splats into a bundle's folder; `source_to_world` is for file coordinates."""
         save_splats(folder, self.cloud.transformed(source_to_world))
         return {"splats": {"count": len(self.cloud), "surface": self.surface}}

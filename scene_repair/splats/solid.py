@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import F32, Array, Mask
 from ...formats.core.errors import SceneError
 from ...formats.splats.record import GaussianCloud
-from ..arrays import F32, F64, Mask
 from ..grid.morphology import distance_to, linked
 
 # Gaussians fainter than this never make a surface on their own.
@@ -44,10 +44,10 @@ class Solid:
     """
 
     keep: Mask
-    lower: F64
-    upper: F64
+    lower: Array
+    upper: Array
     cell: float
-    origin: F64
+    origin: Array
     clearance: F32
     floaters: int
     background: int
@@ -117,7 +117,7 @@ def enclosed(occupied: Mask) -> Mask:
     return next(space for space in spaces if space.mean() >= POCKET_SHARE * widest)
 
 
-def _main_part(points: F64) -> Mask:
+def _main_part(points: Array) -> Mask:
     """Return which points (N, 3) lie in the largest connected parts of the capture."""
     if len(points) < LEAST_GAUSSIANS:
         return np.zeros(len(points), dtype=bool)

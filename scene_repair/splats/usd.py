@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ...formats.core.arrays import F32, Array
 from ...formats.core.errors import FileFormatError, MissingExtraError
 from ...formats.splats.record import (
     MAX_DEGREE,
@@ -30,7 +31,6 @@ from ...formats.splats.record import (
 )
 from ...formats.untrusted.files import read_input
 from ...formats.untrusted.limits import limits
-from ..arrays import F32, F64
 from ..scan.readings import ANSWER
 from ..scan.sandbox import answer, run_child
 
@@ -98,7 +98,7 @@ def _read(path: Path) -> GaussianCloud:
     return replace(joined(clouds), warnings=tuple(warnings))
 
 
-def _moved(path: Path, cloud: GaussianCloud, world: F64, *, nurec: bool) -> GaussianCloud:
+def _moved(path: Path, cloud: GaussianCloud, world: Array, *, nurec: bool) -> GaussianCloud:
     """Apply a (4, 4) transform of row vectors, as USD has them.
 
     3DGRUT writes the matrix of a NuRec volume for column vectors, which its translation shows.

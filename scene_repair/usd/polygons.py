@@ -3,10 +3,10 @@
 import mapbox_earcut
 import numpy as np
 
-from ..arrays import F64, I64, Mask
+from ...formats.core.arrays import I64, Array, Mask
 
 
-def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64]:
+def triangulate(points: Array, counts: I64, indices: I64) -> tuple[I64, I64]:
     """Triangulate polygons: convex ones as fans, others by ear clipping in their plane.
 
     Args:
@@ -44,13 +44,13 @@ def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64]:
     return np.concatenate(triangles)[order], of[order]
 
 
-def _newell(place: F64) -> F64:
+def _newell(place: Array) -> Array:
     """Return area vectors (…, 3) of polygons (…, n, 3) by Newell's method."""
     local = place - place[..., :1, :]
     return np.cross(local, np.roll(local, -1, axis=-2)).sum(axis=-2)
 
 
-def _convex(place: F64) -> Mask:
+def _convex(place: Array) -> Mask:
     """Return whether each polygon (n, k, 3) is convex and simple."""
     with np.errstate(invalid="ignore", over="ignore"):
         normal = _newell(place)
@@ -64,7 +64,7 @@ def _convex(place: F64) -> Mask:
         return convex | ~(np.linalg.norm(normal, axis=1) > 0)
 
 
-def _ears(place: F64) -> I64:
+def _ears(place: Array) -> I64:
     """Return triangles (t, 3) of one polygon (k, 3) with the polygon's winding."""
     normal = _newell(place)
     across = np.argsort(np.abs(normal))[:2]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
+from ...formats.core.arrays import I64, U8, Array, Mask
 from ...formats.core.errors import FileFormatError
-from ..arrays import F64, I64, U8, Mask
 from ..scan.readings import LookRef
 from ..scan.record import linear_to_srgb
 from ..scan.soup import Part
@@ -54,7 +54,7 @@ class PartList:
         self.parts.append(Part(*named, points[used], faces, uv, look, colors))
 
 
-def add_gprim(gprim: UsdGeom.Gprim, to_world: F64, instance: str, parts: PartList) -> None:
+def add_gprim(gprim: UsdGeom.Gprim, to_world: Array, instance: str, parts: PartList) -> None:
     """Add the triangles of a prim; `to_world` (4, 4) acts on row vectors."""
     prim = gprim.GetPrim()
     name, category = object_of(prim)
@@ -83,7 +83,7 @@ def _bound(prim: Usd.Prim) -> UsdShade.Material | None:
     return material if material else None
 
 
-def _add_mesh(mesh: UsdGeom.Mesh, to_world: F64, named: tuple[str, str], parts: PartList) -> None:
+def _add_mesh(mesh: UsdGeom.Mesh, to_world: Array, named: tuple[str, str], parts: PartList) -> None:
     prim = mesh.GetPrim()
     points = np.array(mesh.GetPointsAttr().Get(TIME) or np.zeros((0, 3)), dtype=np.float64)
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(TIME) or [], dtype=np.int64)
@@ -140,7 +140,7 @@ class Corners:
     points: int
     polygons: int
 
-    def spread(self, rows: F64, interpolation: str) -> F64 | None:
+    def spread(self, rows: Array, interpolation: str) -> Array | None:
         """Return values (T, 3, k) at the triangles' corners; None if their number does not fit."""
         tokens = UsdGeom.Tokens
         if interpolation == tokens.constant and len(rows):
@@ -154,7 +154,7 @@ class Corners:
         return None
 
 
-def _triangles(points: F64, counts: I64, indices: I64, usable: Mask) -> tuple[I64, I64]:
+def _triangles(points: Array, counts: I64, indices: I64, usable: Mask) -> tuple[I64, I64]:
     """Triangulate the usable polygons only, numbered as among all; see `triangulate`."""
     if usable.all():
         return triangulate(points, counts, indices)
@@ -180,7 +180,7 @@ def _by_look(
     return [(materials[k], np.flatnonzero(of == k)) for k in np.unique(of)]
 
 
-def _texture_coordinates(prim: Usd.Prim, look: Look, where: Corners, parts: PartList) -> F64:
+def _texture_coordinates(prim: Usd.Prim, look: Look, where: Corners, parts: PartList) -> Array:
     nothing = np.zeros((len(where.corner), 3, 2))
     if not look.ref.texture:
         return nothing
@@ -202,7 +202,7 @@ def _texture_coordinates(prim: Usd.Prim, look: Look, where: Corners, parts: Part
     return uv @ look.to_uv[:, :2].T + look.to_uv[:, 2]
 
 
-def _display_color(gprim: UsdGeom.Gprim) -> tuple[F64 | None, str]:
+def _display_color(gprim: UsdGeom.Gprim) -> tuple[Array | None, str]:
     primvar = UsdGeom.PrimvarsAPI(gprim.GetPrim()).FindPrimvarWithInheritance("displayColor")
     values = primvar.ComputeFlattened(TIME) if primvar and primvar.HasValue() else None
     # Values of an unknown type come as one opaque object.
@@ -212,6 +212,6 @@ def _display_color(gprim: UsdGeom.Gprim) -> tuple[F64 | None, str]:
     return colors, primvar.GetInterpolation() if len(colors) > 1 else UsdGeom.Tokens.constant
 
 
-def _rgb(linear: F64) -> tuple[float, float, float]:
+def _rgb(linear: Array) -> tuple[float, float, float]:
     r, g, b = (float(v) for v in linear_to_srgb(np.clip(linear, 0.0, 1.0)))
     return r, g, b

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import FileFormatError
 from ...formats.untrusted.files import read_input
-from ..arrays import F64
 from ..scan.readings import LookRef
 from ..scan.record import DEFAULT_COLOR, linear_to_srgb
 
@@ -31,7 +31,7 @@ class Look:
 
     ref: LookRef
     primvar: str
-    to_uv: F64
+    to_uv: Array
 
 
 PLAIN = Look(LookRef("plain", DEFAULT_COLOR), "", np.eye(2, 3))
@@ -76,7 +76,7 @@ class StageMaterials:
 
     def _color(
         self, shader: UsdShade.Shader
-    ) -> tuple[F64 | None, tuple[str, Sdf.Layer] | None, UsdShade.Shader | None]:
+    ) -> tuple[Array | None, tuple[str, Sdf.Layer] | None, UsdShade.Shader | None]:
         """Return linear colour or scale, picture (name, layer that names it), texture shader."""
         for name in COLOR_INPUTS:
             port = shader.GetInput(name)
@@ -162,7 +162,7 @@ def _asset_of(attribute: Usd.Attribute) -> tuple[str, Sdf.Layer] | None:
     return (str(value.path), named[0].layer) if named else None
 
 
-def _coordinates(texture: UsdShade.Shader) -> tuple[str, F64]:
+def _coordinates(texture: UsdShade.Shader) -> tuple[str, Array]:
     """Return the primvar that a texture reads and the affine map (2, 3) of its `st` input."""
     to_uv = np.eye(3)
     port = texture.GetInput("st")
@@ -184,7 +184,7 @@ def _coordinates(texture: UsdShade.Shader) -> tuple[str, F64]:
     return "", to_uv[:2]
 
 
-def _transform(shader: UsdShade.Shader) -> F64:
+def _transform(shader: UsdShade.Shader) -> Array:
     """Return (3, 3) of a UsdTransform2d: scale, then rotation, then translation."""
 
     def get(name: str, default: Any) -> Any:

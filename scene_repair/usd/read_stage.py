@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import FileFormatError
-from ..arrays import F64
 from ..config import UNIT_M
 from ..scan.readings import Readings
 from .layers import brief, check_layers
@@ -93,7 +93,7 @@ def _conventions(
 
 
 def _walk(
-    prim: Usd.Prim, outer: F64, name: str, parts: PartList, xforms: UsdGeom.XformCache, depth: int
+    prim: Usd.Prim, outer: Array, name: str, parts: PartList, xforms: UsdGeom.XformCache, depth: int
 ) -> None:
     """Add everything visible below `prim`, which lies `depth` instancers deep, to `parts`.
 
@@ -132,7 +132,7 @@ def _hidden(prim: Usd.Prim) -> bool:
 
 def _instances(
     instancer: UsdGeom.PointInstancer,
-    outer: F64,
+    outer: Array,
     name: str,
     parts: PartList,
     xforms: UsdGeom.XformCache,

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from ...formats.core.arrays import I64, Array
 from ...formats.core.geometry import triangle_areas
-from ..arrays import F64, I64
 
 SIDES = 24
 TIME = Usd.TimeCode.EarliestTime()
@@ -15,7 +15,7 @@ TURNS = {"X": [2, 0, 1], "Y": [1, 2, 0], "Z": [0, 1, 2]}
 # Where a plane's width and length lie, by the axis that it faces (UsdGeomPlane); the rest is 0.
 PLANE_SIDES = {"X": (2, 1), "Y": (0, 2), "Z": (0, 1)}
 SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-Shape = tuple[F64, I64]
+Shape = tuple[Array, I64]
 
 
 def simple_shape(prim: Usd.Prim) -> Shape | None:
@@ -41,7 +41,7 @@ def simple_shape(prim: Usd.Prim) -> Shape | None:
     return points[:, TURNS[axis]], faces
 
 
-def _profile(prim: Usd.Prim, size: Callable[[str, float], float]) -> tuple[F64, F64] | None:
+def _profile(prim: Usd.Prim, size: Callable[[str, float], float]) -> tuple[Array, Array] | None:
     """Return heights and radii of the rings of a round shape along its axis, lowest first."""
     if prim.IsA(UsdGeom.Sphere):
         return _rounded(0.0, size("radius", 1.0), size("radius", 1.0))
@@ -59,7 +59,7 @@ def _profile(prim: Usd.Prim, size: Callable[[str, float], float]) -> tuple[F64, 
     return None
 
 
-def _rounded(height: float, bottom: float, top: float) -> tuple[F64, F64]:
+def _rounded(height: float, bottom: float, top: float) -> tuple[Array, Array]:
     """Return a truncated cone tangent to the spheres that round its ends; a sphere without height.
 
     The rings where they meet have the radii `bottom` and `top` and are `height` apart.
@@ -88,7 +88,7 @@ def _plane(width: float, length: float, axis: str) -> Shape:
     return points, faces if axis == "Z" else faces[:, ::-1]
 
 
-def _swept(heights: F64, radii: F64, outline: F64) -> Shape:
+def _swept(heights: Array, radii: Array, outline: Array) -> Shape:
     """Sweep an outline (n, 2), counter-clockwise, over rings (R heights and radii); closed."""
     count, sides = len(heights), len(outline)
     rings = [

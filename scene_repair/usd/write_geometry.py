@@ -3,8 +3,8 @@
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
+from ...formats.core.arrays import F32, I32, I64, Array
 from ...formats.scene.bundle import Floor, Obstacles
-from ..arrays import F32, F64, I32, I64
 from ..grid.morphology import grow
 
 # Cells of a floor that differ by more do not slope into each other.
@@ -35,7 +35,7 @@ def visual_mesh(
 
 
 def collider(
-    stage: Usd.Stage, path: str, points: F64, faces: I64, material: UsdShade.Material
+    stage: Usd.Stage, path: str, points: Array, faces: I64, material: UsdShade.Material
 ) -> Usd.Prim:
     """Write a static collider: a mesh that is not rendered and that no rigid body moves."""
     mesh = _mesh(stage, path, points.astype(np.float32), faces)
@@ -64,7 +64,7 @@ def _mesh(stage: Usd.Stage, path: str, points: F32, faces: I32 | I64) -> UsdGeom
     return mesh
 
 
-def floor_surface(floor: Floor) -> tuple[F64, I64]:
+def floor_surface(floor: Floor) -> tuple[Array, I64]:
     """Return the floor as quads facing up; corner heights average the cells around them.
 
     Cells that lie a step higher or lower do not count, so that edges stay sharp. It reaches one
@@ -89,7 +89,7 @@ def floor_surface(floor: Floor) -> tuple[F64, I64]:
     return points, inverse.reshape(-1, 4).astype(np.int64)
 
 
-def box_surfaces(obstacles: Obstacles) -> tuple[F64, I64]:
+def box_surfaces(obstacles: Obstacles) -> tuple[Array, I64]:
     """Return boxes as quads facing outwards: (8 N, 3) points [m] and (6 N, 4) indices."""
     bits = np.array([[n >> 2 & 1, n >> 1 & 1, n & 1] for n in range(8)]) * 2 - 1
     points = obstacles.center_m[:, None] + obstacles.half_m[:, None] * bits[None]

@@ -25,9 +25,9 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade
 
+from ...formats.core.arrays import I64
 from ...formats.core.errors import FileFormatError
 from ...formats.scene.bundle import Floor, LabeledObject, Material, Obstacles, VisualMesh
-from ..arrays import I64
 from ..verify.usd import check_usd
 from .write_geometry import box_surfaces, collider, floor_surface, visual_mesh
 from .write_materials import friction, look

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from pxr import Usd, UsdGeom, UsdPhysics
 
+from ...formats.core.arrays import F32, Array, Mask
 from ...formats.scene.bundle import SceneBundle
-from ..arrays import F32, F64, Mask
 
 PATCH_MATERIAL = "floor_patch_"
 
@@ -19,7 +19,7 @@ class Surface:
     triangles_m: F32
     added: Mask
 
-    def between(self, lower_m: F64, upper_m: F64) -> "Surface":
+    def between(self, lower_m: Array, upper_m: Array) -> "Surface":
         """Return the triangles whose bounds overlap the box (3,), (3,)."""
         near = np.arange(len(self.triangles_m))
         # Most triangles are far above or below. Comparing corners is much faster than reducing.

@@ -5,8 +5,8 @@ from typing import Any
 import cv2
 import numpy as np
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.scene.grid import GridSpec
-from ..arrays import F64, Mask
 from ..grid.morphology import Window, grow, grown_window, label, windows
 from .probe_rays import Probes
 
@@ -103,5 +103,5 @@ def _in_floor(gap: Mask, floor: Mask) -> bool:
     return bool(floor[rim].mean() >= RIM_SHARE)
 
 
-def _rounded(xy_m: F64) -> list[float]:
+def _rounded(xy_m: Array) -> list[float]:
     return [round(float(v), 3) for v in xy_m]

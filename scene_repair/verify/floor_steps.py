@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Mask
+from ...formats.core.arrays import Mask
 from ..grid.morphology import grow, grown_window, label, windows
 from .probe_rays import Probes
 

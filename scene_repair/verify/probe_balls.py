@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from ..arrays import F32, F64
+from ...formats.core.arrays import F32, Array
 from .exported import Surface
 
 BALL_RADIUS_M = 0.01
@@ -16,7 +16,7 @@ TILE_M, BALLS_AT_ONCE = 2.0, 200
 SKIN_M = 1e-4
 
 
-def drop_balls(triangles_m: F32, floor_m: F64) -> F64:
+def drop_balls(triangles_m: F32, floor_m: Array) -> Array:
     """Drop a ball of 2 cm onto points (N, 3) of a floor; return where they end, (N, 3).
 
     The triangles (T, 3, 3) are solid from both sides (a rigid MuJoCo flex). Balls do not meet.
@@ -35,7 +35,7 @@ def drop_balls(triangles_m: F32, floor_m: F64) -> F64:
     return end
 
 
-def _drop(triangles_m: F32, floor_m: F64) -> F64:
+def _drop(triangles_m: F32, floor_m: Array) -> Array:
     spec = mujoco.MjSpec()
     spec.option.timestep = STEP_S
     points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ...formats.core.arrays import F32, Mask
 from ...formats.scene.grid import GridSpec
 from ...geometry.rays.packets import PacketScene
-from ..arrays import F32, Mask
 from .exported import Surface
 
 PROBE_M = 0.02

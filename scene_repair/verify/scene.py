@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
+from ...formats.core.arrays import Array, Mask
 from ...formats.core.errors import FileFormatError
 from ...formats.core.threads import in_order
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
 from ...formats.scene.freemap import Freemap
-from ..arrays import F64, Mask
 from ..collide.level_collision import LevelCollision
 from ..grid.morphology import grow, label, windows
 from .exported import Surface, usd_surfaces, visual_surface
@@ -194,7 +194,7 @@ def _cells(probes: Mask, per_side: int) -> Mask:
     return np.asarray(blocks.any(axis=(1, 3)))
 
 
-def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> F64:
+def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> Array:
     """Return walkable points (N, 3) to drop balls on: along seams, and spread evenly."""
     free = freemap.traversable & floor.covered
     added = _cells(probes.added, probes.per_side)
@@ -209,7 +209,7 @@ def _ball_places(floor: Floor, freemap: Freemap, probes: Probes) -> F64:
     return np.column_stack([floor.grid.center_of(index), height])
 
 
-def _balls_lost(surface: Surface, start_m: F64, floor: Floor) -> F64:
+def _balls_lost(surface: Surface, start_m: Array, floor: Floor) -> Array:
     """Return where balls started that end up below the floor, (N, 2)."""
     end = drop_balls(_near(surface, floor).triangles_m, start_m)
     # Over the edge of a stairwell a ball may roll: what counts is the floor where it is now. Within
@@ -221,7 +221,7 @@ def _balls_lost(surface: Surface, start_m: F64, floor: Floor) -> F64:
     return start_m[lost, :2]
 
 
-def _fallen(where_xy_m: F64, count: int) -> dict[str, Any]:
+def _fallen(where_xy_m: Array, count: int) -> dict[str, Any]:
     return {
         "dropped": int(count),
         "fell_through": len(where_xy_m),

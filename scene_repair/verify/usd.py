@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdSemantics, UsdShade, UsdUtils, UsdValidation
 
-from ..arrays import F64, I64
+from ...formats.core.arrays import I64, Array
 
 # Authored extents may be off by rounding of single precision.
 EXTENT_TOLERANCE_M = 1e-4
@@ -119,7 +119,7 @@ def mesh_problems(mesh: UsdGeom.Mesh) -> Iterator[str]:
         yield from _primvar(primvar, sizes[primvar.GetInterpolation()])
 
 
-def _collapsed_faces(points: F64, counts: I64, index: I64) -> Iterator[str]:
+def _collapsed_faces(points: Array, counts: I64, index: I64) -> Iterator[str]:
     face = np.repeat(np.arange(len(counts)), counts)
     end = np.cumsum(counts)
     after = np.arange(1, len(index) + 1)
@@ -129,7 +129,7 @@ def _collapsed_faces(points: F64, counts: I64, index: I64) -> Iterator[str]:
         yield f"{same.sum()} faces have coinciding corners, the first is {face[same][0]}"
 
 
-def _extent(mesh: UsdGeom.Mesh, points: F64) -> Iterator[str]:
+def _extent(mesh: UsdGeom.Mesh, points: Array) -> Iterator[str]:
     extent = mesh.GetExtentAttr().Get()
     if not extent:
         yield "no extent"

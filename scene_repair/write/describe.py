@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ..arrays import F64
+from ...formats.core.arrays import Array
 from ..collide.level_collision import LevelCollision
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
@@ -58,7 +58,7 @@ def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, An
     }
 
 
-def _rounded(polygon_xy_m: F64) -> list[list[float]]:
+def _rounded(polygon_xy_m: Array) -> list[list[float]]:
     return [[round(float(x), 4), round(float(y), 4)] for x, y in polygon_xy_m]
 
 

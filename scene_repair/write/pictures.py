@@ -7,10 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from ...formats.core.arrays import F32, U8, Array, Mask
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ...geometry.rays.packets import PacketScene
-from ..arrays import F32, F64, U8, Mask
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler
@@ -71,7 +71,7 @@ def view_from_above(
 
 def _shoot(
     scene: PacketScene, mesh: WorldMesh, sampler: MaterialSampler, floor_z_m: float, origin: F32
-) -> tuple[F32, F64]:
+) -> tuple[F32, Array]:
     """Return colours (N, 3), and height and face (N, 2) below each origin; −1 = nothing."""
     image = np.tile(np.array(BACKGROUND, dtype=np.float32), (len(origin), 1))
     hits = np.full((len(origin), 2), -1.0)
@@ -101,7 +101,7 @@ def _shoot(
     return image, hits
 
 
-def _with_edges(image: F32, height: F64) -> F32:
+def _with_edges(image: F32, height: Array) -> F32:
     """Darken pixels where the height jumps: contours make furniture and walls readable."""
     filled = np.where(np.isfinite(height), height, -1.0)
     step = np.zeros_like(filled)

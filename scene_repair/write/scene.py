@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...formats.core.arrays import I32
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.threads import beside
 from ...formats.scene.bundle import (
@@ -24,7 +25,6 @@ from ...formats.scene.bundle import (
 )
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
-from ..arrays import I32
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
 from ..floor.repair_level import RepairedFloor
