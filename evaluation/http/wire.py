@@ -8,11 +8,12 @@ or `trajectory`, points (x forward, y left [m]) in the frame of the robot when t
 """
 
 import io
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from ...formats.core.images import image_file
 
 PATH = "/eval_dual"
 DEPTH_UNIT_M = 1e-4
@@ -32,8 +33,12 @@ def form_of(
     """
     codes = np.rint(np.clip(depth_m, 0.0, FARTHEST_DEPTH_M) / DEPTH_UNIT_M).astype(np.uint16)
     return {
-        "image": ("rgb.jpg", _encoded(rgb, "JPEG", quality=JPEG_QUALITY), "image/jpeg"),
-        "depth": ("depth.png", _encoded(codes, "PNG"), "image/png"),
+        "image": (
+            "rgb.jpg",
+            image_file(Image.fromarray(rgb), "JPEG", quality=JPEG_QUALITY),
+            "image/jpeg",
+        ),
+        "depth": ("depth.png", image_file(Image.fromarray(codes), "PNG"), "image/png"),
     }
 
 
@@ -50,12 +55,6 @@ def images_in(image: bytes, depth: bytes) -> tuple[NDArray[np.uint8], NDArray[np
     if codes.shape != rgb.shape[:2]:
         raise ValueError(f"depth is of size {codes.shape}, image of {rgb.shape[:2]}")
     return rgb, (codes * DEPTH_UNIT_M).astype(np.float32)
-
-
-def _encoded(pixels: NDArray[Any], kind: str, **options: Any) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(pixels).save(buffer, kind, **options)
-    return buffer.getvalue()
 
 
 def _opened(data: bytes, name: str) -> Image.Image:
