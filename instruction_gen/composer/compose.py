@@ -80,14 +80,9 @@ def compose_texts(
     return result, ([] if result else problems)
 
 
-def plan(
-    facts: PathFacts,
-    taste: Taste,
-    rng: np.random.Generator,
-    without: Collection[str] = (),
-) -> list[Event]:
+def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event]:
     """Choose what to mention, in order, the stop last."""
-    names = Names(facts, rng, taste.looks, without)
+    names = Names(facts, rng, taste.looks)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
     events = move_events(facts, names, taste)

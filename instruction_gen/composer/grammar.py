@@ -44,17 +44,20 @@ class Phrase:
 
 @dataclass(frozen=True)
 class Clause:
-    """Words with what they claim.
+    """The words of an event.
 
     Attributes:
-        kind: of the event.
-        joint: see `Phrase`.
+        phrase: what they are made of.
     """
 
-    kind: str
+    event: Event
+    phrase: Phrase
     words: str
-    joint: str
-    claims: tuple[Claim, ...]
+
+    @property
+    def claims(self) -> tuple[Claim, ...]:
+        """What the words claim."""
+        return tuple(_claim(form, self.event) for form in self.phrase.claims)
 
 
 @dataclass(frozen=True)
@@ -117,10 +120,9 @@ def drafts(
         phrase = options[int(rng.integers(len(options)))]
         words = _CHOICE.sub(lambda m: str(rng.choice(m[1].split("|"))), phrase.template)
         filled = re.sub(r"\s+", " ", _SLOT.sub(lambda m: _slot(m[1], event), words)).strip()
-        claims = tuple(_claim(form, event) for form in phrase.claims)
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(words.split())
-        clause = Clause(event.kind, filled, phrase.joint, claims)
+        clause = Clause(event, phrase, filled)
         (odd if into_hall or straight else fine).append(clause)
     return fine or odd
 

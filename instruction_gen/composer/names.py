@@ -1,6 +1,6 @@
 """What things and rooms are called in one text."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,11 +17,9 @@ _LARGE_M = 1.7
 class Names:
     """What things and rooms are called in one text, and which were mentioned already."""
 
-    def __init__(
-        self, facts: PathFacts, rng: np.random.Generator, looks: float, without: Collection[str]
-    ):
-        """Start without a name; things in `without` are never mentioned."""
-        self.facts, self.rng, self.looks, self.without = facts, rng, looks, without
+    def __init__(self, facts: PathFacts, rng: np.random.Generator, looks: float):
+        """Start without a name."""
+        self.facts, self.rng, self.looks = facts, rng, looks
         self.rooms: dict[str, str] = {}
         self.names: set[str] = set()
         self.homed = False  # whether the text says in which room it starts
@@ -54,7 +52,7 @@ class Names:
         """
         options = []
         for mark in self.facts.landmarks:
-            if mark.noun in self.nouns or mark.name in self.without or mark.noun == DOOR:
+            if mark.noun in self.nouns or mark.noun == DOOR:
                 continue
             if (distance_m := near(mark)) is not None:
                 reference = self.refer(mark, distance_m, at_goal=at_goal)
@@ -82,7 +80,7 @@ class Names:
     def beside(self, reference: Reference) -> Reference | None:
         """Return the thing that stands right beside another, if it can be named."""
         mark = next((m for m in self.facts.landmarks if m.name == reference.name), None)
-        other = landmark(self.facts, mark.beside, self.without) if mark else None
+        other = landmark(self.facts, mark.beside) if mark else None
         if reference.plural or other is None or other.noun in self.nouns:
             return None
         result = self.refer(other, other.distance_m)

@@ -64,7 +64,7 @@ def realize(
     """Return the sentences of a text with their claims, the stop in the last."""
     clauses: list[Clause] = []
     for event in events:
-        after = clauses[-1].joint if clauses else "start"
+        after = clauses[-1].phrase.joint if clauses else "start"
         ways = drafts(event, voice, rng, _CHOICES, after)
         own = {clause.words.split()[0] for clause in clauses[-3:]}
         brief = _BREVITY if voice == "terse" else 0.0
@@ -81,20 +81,20 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
     done: list[_Sentence] = [_Sentence()]
     opened = 0
     for k, clause in enumerate(clauses):
-        now, leading = done[-1], k > 0 and clauses[k - 1].kind in _LEADING
-        before = clauses[k - 1].joint if k else ""
-        if before == "^" or clause.joint == "&":
+        now, leading = done[-1], k > 0 and clauses[k - 1].event.kind in _LEADING
+        before = clauses[k - 1].phrase.joint if k else ""
+        if before == "^" or clause.phrase.joint == "&":
             now.words += f", {clause.words}"
         elif not now.words:
             now.words = clause.words
-        elif clause.kind == "too_far":
+        elif clause.event.kind == "too_far":
             now.words += f". {_upper(clause.words)}"
         elif _continues(now, clause, voice, rng, leading=leading):
             now.words += _joint(now, clause, voice, rng) + clause.words
         else:
             words = clause.words
             moved = not now.words.lower().startswith(_STANDING) and "then" not in now.words.split()
-            plain = clause.joint == "" and "then" not in words.split() and voice != "terse"
+            plain = clause.phrase.joint == "" and "then" not in words.split() and voice != "terse"
             if plain and moved and opened < _MOST_OPENED and rng.random() < _OPENED:
                 last = len(_OPENERS) - (k + 1 < len(clauses))
                 words = f"{_OPENERS[int(rng.integers(last))]} {words}"
@@ -103,7 +103,7 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
             done.append(now)
         now.claims += clause.claims
         now.clauses += 1
-        now.open = clause.joint not in (".",)
+        now.open = clause.phrase.joint not in (".",)
     return tuple(Step(f"{_upper(s.words)}.", tuple(s.claims)) for s in done)
 
 
@@ -111,7 +111,7 @@ def _continues(
     now: _Sentence, clause: Clause, voice: str, rng: np.random.Generator, *, leading: bool
 ) -> bool:
     """Return whether a clause is joined to the sentence before."""
-    if not now.open or clause.joint in ("<", ".", "^"):
+    if not now.open or clause.phrase.joint in ("<", ".", "^"):
         return False
     if leading:
         return True

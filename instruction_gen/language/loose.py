@@ -38,17 +38,19 @@ def step_of(clause: Clause, text: str) -> Step:
 
 def _is_content(word: str) -> bool:
     """Return whether a word says something that should be covered by a claim."""
-    closed = word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
-    return closed or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+    return _is_closed(word) or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+
+
+def _is_closed(word: str) -> bool:
+    """Return whether a word is a side, a number or a negation."""
+    return word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
 
 
 def find_fault(clause: Clause, k: int) -> None:
     """Find fault with a word that stands for a thing and is in no table."""
     tokens, word = clause.tokens, clause.tokens[k].text
     if is_known(word) or not word.isalpha():
-        if is_known(word) and not (
-            word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
-        ):
+        if is_known(word) and not _is_closed(word):
             clause.used.add(k)
         return
     before = tokens[k - 1].text if k else ""

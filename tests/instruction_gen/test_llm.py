@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of, facts_of
+from tests.support.claimed import STEPS
 from tests.support.misbehaving_server import CUT, HANG, Server, completion, texts
 from vlnpe.formats.core.errors import InputError, MissingExtraError
 from vlnpe.formats.scene.bundle import LabeledObject
@@ -420,21 +421,6 @@ def test_a_killed_run_goes_on_and_pays_nothing_twice(two_rooms, tmp_path):
     made = json.loads(second.stdout.splitlines()[-1])
     assert made["texts"] == [GOOD[0]] * 6 and made["requests"] == len(answered)
     assert len(answered) >= 5
-
-
-STEPS = [
-    {
-        "words": "Turn left through the doorway into the kitchen",
-        "claims": [
-            {"kind": "turn", "side": "left"},
-            {"kind": "enter", "what": "room", "name": "kitchen", "side": "left"},
-        ],
-    },
-    {
-        "words": "and stop next to the table.",
-        "claims": [{"kind": "stop", "what": "thing", "name": "table"}],
-    },
-]
 
 
 def with_claim(step, **claim):

@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 import pytest
 
 from tests.instruction_gen.test_instruct import EAST, LEFT, episode_of
+from tests.support.claimed import STEPS
 from tests.support.misbehaving_server import Server, completion, texts
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
@@ -210,19 +211,6 @@ def test_an_untrue_edit_is_refused_and_a_true_one_kept(review):
         assert found["problems"] and any(problems for _, _, problems in found["clauses"])
 
 
-STEPS = [
-    {
-        "words": "Turn left through the doorway into the kitchen",
-        "claims": [
-            {"kind": "turn", "side": "left"},
-            {"kind": "enter", "what": "room", "name": "kitchen", "side": "left"},
-        ],
-    },
-    {
-        "words": "and stop next to the table.",
-        "claims": [{"kind": "stop", "what": "thing", "name": "table"}],
-    },
-]
 ENGLISH = " ".join(step["words"] for step in STEPS)
 UNSURE = "Turn left through the doorway into the kitchen, not far, and stop next to the table."
 CHINESE = "向前走，左转穿过门口进入厨房，然后在桌子旁边停下。"
