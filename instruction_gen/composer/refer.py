@@ -1,6 +1,5 @@
 """How to call a thing so that it is clear which one is meant."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 
 from ..facts.landmarks import PLAIN
@@ -80,7 +79,8 @@ def refer(
     if alike:
         together = [
             m for m in alike
-            if m.noun == mark.noun and (_at_hand(m, mark) if at_goal else _in_row(m, mark))
+            if (m.noun, m.room) == (mark.noun, mark.room)
+            and (_at_hand(m, mark) if at_goal else _in_row(m, mark))
         ]  # fmt: skip
         if together:
             plural, look = True, ""
@@ -187,22 +187,19 @@ def came_by(mark: LandmarkFact) -> bool:
     )
 
 
-def landmark(facts: PathFacts, name: str, without: Collection[str] = ()) -> LandmarkFact | None:
-    """Return the nameable landmark of a name, None where there is none or it is left out."""
-    return next(
-        (m for m in facts.landmarks if m.name == name and m.nameable and m.name not in without),
-        None,
-    )
+def landmark(facts: PathFacts, name: str) -> LandmarkFact | None:
+    """Return the nameable landmark of a name, None where there is none."""
+    return next((m for m in facts.landmarks if m.name == name and m.nameable), None)
 
 
 def _in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:
-    """Return whether two things are passed as one group."""
+    """Return whether two things of a room are passed as one group."""
     near = abs(other.along_m - mark.along_m) <= 1.2 and other.distance_m <= 3.0
     return near and other.side == mark.side
 
 
 def _at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
-    """Return whether one stops at two things alike, not at one with another a step away."""
+    """Return whether one stops at two things of a room, not at one with another a step away."""
     near = abs(other.goal_distance_m - mark.goal_distance_m) <= 1.0
     return near and other.goal_distance_m <= 2.5 and other.goal_open
 

@@ -20,6 +20,7 @@ from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import STYLES, plan
 from vlnpe.instruction_gen.composer.grammar import grammar
 from vlnpe.instruction_gen.composer.records import TASTES
+from vlnpe.instruction_gen.composer.refer import refer
 from vlnpe.instruction_gen.composer.steps import mentioned_turns
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
@@ -390,6 +391,16 @@ def test_doorways_of_rooms_of_one_name_are_told_apart(two_rooms):
     unclear = replace(facts, passages=(replace(twin, doorway=False),))
     got, problems = compose_texts(Ground(unclear), 3, STYLES, np.random.default_rng(0))
     assert got == [] and "nothing tells them apart" in problems[0]
+
+
+def test_things_of_two_rooms_are_no_group(two_rooms):
+    facts = facts_of(LEFT, two_rooms)
+    table = next(m for m in facts.landmarks if m.noun == "table")
+    table = replace(table, goal_distance_m=1.5, goal_open=True)
+    for room, plural in ((table.room, True), ("bathroom", False)):
+        both = replace(facts, landmarks=(table, replace(table, name="Table_9", room=room)))
+        reference = refer(table, both, 1.0, "table", "", at_goal=True)
+        assert reference is not None and reference.plural is plural
 
 
 def test_what_is_in_view_is_known_where_one_decides(two_rooms):
