@@ -3,7 +3,7 @@
 from setuptools import find_namespace_packages, setup
 
 FOLDERS = """apartments collectors datasets evaluation formats geometry instruction_gen learning
-pipeline rendering scene_repair trajectory_sampler wayfinding""".split()
+pipeline rendering scene_repair trajectory_sampler viewer wayfinding""".split()
 DATA = "css html j2 js json safetensors txt typed yaml".split()
 
 inner = find_namespace_packages(

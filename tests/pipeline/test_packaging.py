@@ -25,6 +25,7 @@ LAYERS = {
     "rendering": 2.2,
     "learning": 2.5,
     "evaluation": 3.0,
+    "viewer": 3.5,
     "pipeline": 4.0,
 }
 PACKAGES = sorted(LAYERS)

@@ -1,0 +1,1 @@
+"""The viewer in the browser: scenes, robots and runs as nodes of a viser server."""
