@@ -58,7 +58,7 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     scene.finish()
     facts = (
         f"rig `{setting}`: {measured}",
-        f"{goals} of {sum(length for _, length, _ in scene.episodes)} steps have a pixel goal",
+        f"{goals} of {sum(length for _, length, *_ in scene.episodes)} steps have a pixel goal",
         "depth: uint16 PNG in millimetres, clipped at 5 m, 0 = not measured",
         "poses: camera in the world, x right, y down, z forward, metres",
     )
@@ -78,4 +78,6 @@ def _setting(walks: Sequence[Walk]) -> tuple[str, str]:
     return f"{height}cm_{pitch}deg", measured
 
 
-INTERNVLA_N1 = Layout("internvla-n1", "InternVLA-N1", write, per_scene=True, depth=True)
+INTERNVLA_N1 = Layout(
+    "internvla-n1", "InternVLA-N1", write, per_scene=True, depth=True, endings=True
+)

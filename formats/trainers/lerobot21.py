@@ -51,13 +51,13 @@ class SceneWriter:
 
     Attributes:
         suffix: Of the names of the images.
-        episodes: Task, rows and further statistics of those written so far.
+        episodes: Task, rows, end reason and further statistics of those written so far.
     """
 
     out: Path
     depth: DepthFormat
     suffix: str = ""
-    episodes: list[tuple[str, int, Mapping[str, Any]]] = field(default_factory=list)
+    episodes: list[tuple[str, int, str, Mapping[str, Any]]] = field(default_factory=list)
 
     def write_images(
         self, walk: Walk, shown: NDArray[np.int64], names: Sequence[str], chunk: str
@@ -86,16 +86,20 @@ class SceneWriter:
         folder_of(path.parent)
         arrays = [_nested(values) for values in columns.values()]
         pq.write_table(pa.Table.from_arrays(arrays, names=list(columns)), path)
-        self.episodes.append((task, len(arrays[0]), statistics))
+        ending = str(walk.unit.columns["end_reason"])
+        self.episodes.append((task, len(arrays[0]), ending, statistics))
         if len(self.episodes) == 1:
             self._write_info(walk, columns)
 
     def finish(self) -> None:
         """Write the lists of episodes."""
         meta, numbered = folder_of(self.out / "meta"), list(enumerate(self.episodes))
-        lines = [{"episode_index": n, "tasks": [t], "length": k} for n, (t, k, _) in numbered]
+        lines = [
+            {"episode_index": n, "tasks": [t], "length": k, "end_reason": e}
+            for n, (t, k, e, _) in numbered
+        ]
         write_lines(meta / "episodes.jsonl", lines)
-        lines = [{"episode_index": n, **more, "stats": {}} for n, (_, _, more) in numbered]
+        lines = [{"episode_index": n, **more, "stats": {}} for n, (*_, more) in numbered]
         write_lines(meta / "episodes_stats.jsonl", lines)
         tasks = enumerate(dict.fromkeys(task for task, *_ in self.episodes))
         write_lines(meta / "tasks.jsonl", ({"task_index": n, "task": t} for n, t in tasks))

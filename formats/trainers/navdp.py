@@ -44,7 +44,8 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
         names = [f"episode_{number:06d}_{k:05d}" for k in range(count)]
         poses, floor = walk.camera_poses(), walk.floor_points()
         depths = scene.write_images(walk, np.arange(count), names, chunk)
-        found = [_obstacles(walk, poses[k], floor[k], depth) for k, depth in enumerate(depths)]
+        rays = walk.camera.pixel_rays()[::_EVERY_PX, ::_EVERY_PX]
+        found = [_obstacles(rays, poses[k], floor[k], depth) for k, depth in enumerate(depths)]
         cells = np.unique(np.concatenate([cells, *found]), axis=0)
         columns = {
             "observation.camera_intrinsic": np.tile(walk.camera.intrinsics, (count, 1, 1)),
@@ -94,11 +95,13 @@ def _mounts(
 
 
 def _obstacles(
-    walk: Walk, pose: NDArray[np.float64], floor: NDArray[np.float64], depth_m: NDArray[np.float64]
+    rays: NDArray[np.float64],
+    pose: NDArray[np.float64],
+    floor: NDArray[np.float64],
+    depth_m: NDArray[np.float64],
 ) -> NDArray[np.int64]:
     """Return the cells (C, 3) in which a camera sees obstacles."""
     z = depth_m[::_EVERY_PX, ::_EVERY_PX, None]
-    rays = walk.camera.pixel_rays()[::_EVERY_PX, ::_EVERY_PX]
     points = transform_points(pose, (rays * z)[z[..., 0] > 0])
     height = points[:, 2] - floor[2]
     off = np.hypot(*(points[:, :2] - floor[:2]).T)
@@ -106,4 +109,4 @@ def _obstacles(
     return np.unique(np.floor(points[kept] / CELL_M).astype(np.int64), axis=0)
 
 
-NAVDP = Layout("navdp", "NavDP", write, per_scene=True, depth=True)
+NAVDP = Layout("navdp", "NavDP", write, per_scene=True, depth=True, endings=True)

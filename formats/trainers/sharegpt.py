@@ -34,6 +34,7 @@ class _ShareGpt:
 
     def record(self, name: str, key: str, text: str, answer: Answer) -> dict[str, Any]:
         shown = np.unique(np.linspace(0, answer.step, HISTORY + 1, dtype=int)).tolist()
+        images = [f"images/{key}/{k:03d}.jpg" for k in shown]
         question = _PROMPT.replace("{history}", "<image>" * (len(shown) - 1))
         return {
             "id": name,
@@ -41,7 +42,8 @@ class _ShareGpt:
                 {"from": "human", "value": question.replace("{instruction}", text)},
                 {"from": "gpt", "value": answer.text},
             ],
-            "images": [f"images/{key}/{k:03d}.jpg" for k in shown],
+            "images": images,
+            "image": images,  # as Qwen-VL's own trainer names them
         }
 
 

@@ -68,6 +68,7 @@ class Layout:
         per_scene: Whether each scene has a folder of its own, which its loaders list.
         depth: Whether it holds depth.
         labels: Whether it takes walks of DAgger, whose actions do not lead to the next frame.
+        endings: Whether it says how each episode ended, so that failures can be written.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Layout:
     per_scene: bool = False
     depth: bool = False
     labels: bool = False
+    endings: bool = False
 
 
 class Answers(Protocol):

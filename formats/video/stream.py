@@ -85,10 +85,13 @@ def pick_frames(path: Path, numbers: Sequence[int]) -> Iterator[av.VideoFrame]:
     with open_video(path) as container:
         stream = container.streams.video[0]
         ticks = ticks_per_frame(path, stream)
+        frames, following = container.decode(stream), 0
         for number in numbers:
             try:
-                container.seek(number * ticks, stream=stream, backward=True)
-                frames = container.decode(stream)
+                if number - following not in (0, 1):  # else going on costs less than seeking
+                    container.seek(number * ticks, stream=stream, backward=True)
+                    frames = container.decode(stream)
+                following = number + 1
                 frame = next((f for f in frames if f.pts == number * ticks), None)
             except FFmpegError as error:
                 raise FileFormatError(path, f"frame {number} is corrupt ({error})") from error

@@ -5,12 +5,14 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.trainers.registry import LAYOUTS
+from ...formats.trainers.subset import table
 from ...formats.video.codecs import check_rgb_codec
 from ..context import open_context
 from ..options.convert import Convert, Restore
+from ..report.gather import answer_counts
 from ..stages.convert import items as convert
 from ..stages.convert import source as convert_source
-from ..stages.convert.layout_items import check_balance, histograms
+from ..stages.convert.layout_items import Choice, check_choice
 from ..summary import print_result, print_stages
 
 
@@ -18,7 +20,8 @@ def run_convert(options: Convert) -> int:
     """Convert all episodes of a source."""
     chosen, target = _options(options), options.to
     check_name("--to", target, (*convert_source.Kind, *LAYOUTS))
-    check_balance(target, options.balance)
+    choice = Choice(options.balance, options.keep_failures)
+    check_choice(target, choice)
     if options.from_ in LAYOUTS:
         raise InputError(f"--from {options.from_}: this layout {convert_source.LACKS_POSES}")
     sources = convert_source.detect_all(options.source)
@@ -31,10 +34,16 @@ def run_convert(options: Convert) -> int:
     summaries, written = [], []
     with open_context(options.out, options) as context:
         for source in sources:
-            done, paths = convert.run(context, source, target, chosen, options.balance)
+            done, paths = convert.run(context, source, target, chosen, choice)
             summaries += done
             written += paths
-    lines = [*histograms(summaries), *(f"written to {path}" for path in written)]
+    rows = [row for summary in summaries for row in summary.good().values()]
+    lines = [
+        line
+        for (layout, subset), counts in answer_counts(rows).items()
+        for line in (f"\n{layout} {subset}, answers:", *table(*counts))
+    ]
+    lines += [f"written to {path}" for path in written]
     if quarantined := sum(summary.quarantined for summary in summaries):
         reasons = options.out / "quarantine.json"
         lines.append(f"{quarantined} items were quarantined; see {reasons} for the reasons")

@@ -35,6 +35,9 @@ class Convert(Running):
     """Layouts with a record per answer: how often kinds of answers occur. natural, navila (equally
     often), uni-navid (3.5 : 2 : 2 : 1.5), or shares: forward=3.5,left=2,right=2,stop=1.5. Records
     of rare kinds are repeated, and none is dropped. By default that of the layout's authors."""
+    keep_failures: bool = False
+    """Also write episodes that failed: internvla-n1 and navdp, whose meta/episodes.jsonl says how
+    each ended."""
     vocabulary: Path | None = None
     """N1: VLN-CE episode file whose vocabulary defines the instruction tokens; by default, the
     vocabulary is built from the dataset's own words."""

@@ -7,12 +7,21 @@ from pathlib import Path
 from typing import Any
 
 from ...formats.core.atomic import write_bytes
+from ...formats.trainers.answers import KINDS
 from ..engine.ledger import Ledger, Row
 from ..engine.work import ItemResult
 from ..stages.episodes.align_items import filter_lines
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
-from .gather import RobotRow, diverged_rows, driven, left_out, robot_rows, shared_paths_note
+from .gather import (
+    RobotRow,
+    answer_counts,
+    diverged_rows,
+    driven,
+    left_out,
+    robot_rows,
+    shared_paths_note,
+)
 from .maps import ScenePaths, Track, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri, rendered_page
@@ -52,6 +61,8 @@ def build_page(root: Path, pictures: Pictures) -> str:
         touched=_touched(rows),
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
+        layouts=answer_counts(ledger.done()),
+        kinds=KINDS,
         maps=[map_figure(name, picture, paths) for name, picture in sorted(pictures.maps.items())],
         plots=dataset_plots(list(paths.episodes.values())),
         splits=dataset_rows(list(paths.episodes.values())),

@@ -1,7 +1,7 @@
 """Metrics of a run, read from its ledger."""
 
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
@@ -114,6 +114,22 @@ def diverged_rows(ledger: Ledger) -> list[Row]:
 def robot_rows(ledger: Ledger) -> list[RobotRow]:
     """Return one row per robot and controller, in name order."""
     return _robot_rows(_walks(ledger))
+
+
+Counts = dict[tuple[str, str], tuple[Counter[str], Counter[str]]]
+
+
+def answer_counts(rows: Iterable[Row]) -> Counts:
+    """Return the answers of each kind before and after balancing, by layout and subset."""
+    counts: Counts = {}
+    for row in rows:
+        if row.facts.get("before"):
+            before, after = counts.setdefault(
+                (row.stage, row.facts["subset"]), (Counter(), Counter())
+            )
+            before.update(row.facts["before"])
+            after.update(row.facts["after"])
+    return counts
 
 
 def shared_paths_note(ledger: Ledger) -> str:

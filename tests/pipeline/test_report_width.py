@@ -10,6 +10,7 @@ import pytest
 from jinja2 import Environment, PackageLoader
 
 from tests.support.browser import hidden_px
+from vlnpe.formats.trainers.answers import KINDS
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.report.gather import RobotRow
 from vlnpe.pipeline.report.policy_page import policy_page
@@ -71,6 +72,7 @@ def collection_page() -> str:
     }
     episode |= {"instruction": INSTRUCTION, "walks": [walk]}
     lost = {"stage": "replay", "item": "aliengo/speed/exact-apartment-200-17"}
+    counts = dict.fromkeys(KINDS, 123456)
     environment = Environment(
         loader=PackageLoader("vlnpe.pipeline.report", "."), trim_blocks=True, lstrip_blocks=True
     )
@@ -80,6 +82,10 @@ def collection_page() -> str:
         episodes=[episode],
         quarantine=[lost | {"reason": f"FileNotFoundError: {'a-long-name' * 20}"}],
         scenes=[],
+        layouts={
+            ("internvla-n1", "val_unseen/aliengo-path-ego-256x256-90deg-baked"): (counts, counts)
+        },
+        kinds=KINDS,
         colors={},
         splits=[],
     )

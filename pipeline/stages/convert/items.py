@@ -23,7 +23,7 @@ from .jobs import (
     UnitsDatasetJob,
     source_note,
 )
-from .layout_items import check_source, layout_items
+from .layout_items import Choice, check_source, layout_items
 from .source import UNIT_STAGE, Source, unit_items
 
 log = logging.getLogger(__name__)
@@ -34,7 +34,7 @@ def run(
     source: Source,
     target: str,
     options: Options,
-    balance: str = "",
+    choice: Choice,
 ) -> tuple[list[StageSummary], list[Path]]:
     """Convert all episodes; return the stages' summaries and what was written.
 
@@ -56,7 +56,7 @@ def run(
         _warn_of_doubts(rows)
         folder = root / target / name
         if target in LAYOUTS:
-            last = layout_items(target, rows, root, name, balance)
+            last = layout_items(target, rows, root, name, choice)
         elif target == Kind.LEROBOT:
             last = [_dataset_item(rows, root, folder, name, source, options)]
         elif target == Kind.MCAP:

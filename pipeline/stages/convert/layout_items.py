@@ -4,7 +4,7 @@ import logging
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,9 @@ from ....formats.lerobot.splits import TRAIN, published_split
 from ....formats.lerobot.unit import EpisodeUnit
 from ....formats.trainers.answers import parse_balance
 from ....formats.trainers.registry import LAYOUTS
-from ....formats.trainers.subset import Layout, Subset, table
+from ....formats.trainers.subset import Layout, Subset
 from ....formats.trainers.walks import WalkSource
 from ...engine.ledger import Row
-from ...engine.rows import StageSummary
 from ...engine.work import WorkItem, work_item
 from .layout_job import LayoutJob
 
@@ -32,18 +31,37 @@ SLOWEST_RATE = 4  # frames/s; at fewer a robot makes several steps from one fram
 SEEN_SPLIT = "val_seen"  # published with other paths of the scenes that train
 
 
-def check_balance(name: str, balance: str) -> None:
-    """Check a balance for the layout `name`; an empty one is the layout's own.
+@dataclass(frozen=True)
+class Choice:
+    """What a user chooses of a layout.
+
+    Attributes:
+        balance: What `parse_balance` takes, for training only; empty for the layout's own.
+        keep_failures: Whether to write episodes that failed.
+    """
+
+    balance: str = ""
+    keep_failures: bool = False
+
+
+def check_choice(name: str, choice: Choice) -> None:
+    """Check a choice for the format or layout `name`.
 
     Raises:
-        InputError: If there is no such balance, or the layout's records cannot be repeated.
+        InputError: If there is no such balance, the layout's records cannot be repeated, or it
+            does not say how an episode ended.
     """
-    layout = LAYOUTS.get(name)
+    layout, balance = LAYOUTS.get(name), choice.balance
     if balance and parse_balance(balance) and not (layout and layout.balance):
         balanced = ", ".join(other.name for other in LAYOUTS.values() if other.balance)
         raise InputError(
             f"--balance {balance}: records of {name} are whole episodes, which are not repeated; "
             f"valid: natural, or one of the layouts {balanced}"
+        )
+    if choice.keep_failures and not (layout and layout.endings):
+        valid = ", ".join(other.name for other in LAYOUTS.values() if other.endings)
+        raise InputError(
+            f"--keep-failures: {name} has no field for how an episode ended; valid: {valid}"
         )
 
 
@@ -52,7 +70,7 @@ def layout_items(
     rows: Mapping[str, Row],
     root: Path,
     dataset: str,
-    balance: str = "",
+    choice: Choice = Choice(),
     *,
     held_out: Collection[str] = (),
     licence: str | None = None,
@@ -63,7 +81,7 @@ def layout_items(
         name: Key of `LAYOUTS`.
         rows: Of stages that write units, by item.
         root: The ledger's folder; output goes to `<root>/<name>/<split>/<dataset>/`.
-        balance: What `check_balance` takes; it is for training only.
+        choice: What `check_choice` takes.
         held_out: Scenes whose training episodes validate, if the units do not know yet.
         licence: Licence of the data; None takes what the units say.
 
@@ -79,7 +97,7 @@ def layout_items(
         split = published_split(columns["split"], columns["scene_id"], held_out)
         level = f"-level{columns['level']}" if columns["level"] else ""
         group = (split, _file_name(columns["scene_id"]) + level if layout.per_scene else "")
-        if reason := _why_left_out(unit, layout):
+        if reason := _why_left_out(unit, layout, choice):
             left_out.setdefault(group, Counter())[reason] += 1
         else:
             good.append((group, row.key, unit))
@@ -99,7 +117,7 @@ def layout_items(
     result = []
     for (split, scene), chosen in members.items():
         named = f"{split}/{dataset}"  # NavDP's loader reads all that lies in one folder
-        used = (balance or layout.balance if split == TRAIN else "") or "natural"
+        used = (choice.balance or layout.balance if split == TRAIN else "") or "natural"
         dropped = left_out.get((split, scene), {})
         subset = Subset(named, used, licence, dropped)
         out = root / name / named / scene if scene else root / name / named
@@ -143,24 +161,9 @@ def check_source(name: str, dataset: str, unit: EpisodeUnit) -> None:
         )
 
 
-def histograms(summaries: Sequence[StageSummary]) -> list[str]:
-    """Return lines with the number of answers of each kind by subset, before and after."""
-    counts: dict[str, tuple[Counter[str], Counter[str]]] = {}
-    for summary in summaries:
-        for facts in (row.facts for row in summary.good().values()):
-            if facts.get("before"):
-                name = f"{summary.stage} {facts['subset']}"
-                before, after = counts.setdefault(name, (Counter(), Counter()))
-                before.update(facts["before"])
-                after.update(facts["after"])
-    return [
-        line for name, pair in counts.items() for line in (f"\n{name}, answers:", *table(*pair))
-    ]
-
-
-def _why_left_out(unit: EpisodeUnit, layout: Layout) -> str:
+def _why_left_out(unit: EpisodeUnit, layout: Layout, choice: Choice) -> str:
     reason = unit.columns["end_reason"]
-    if reason != EndReason.SUCCESS:
+    if reason != EndReason.SUCCESS and not choice.keep_failures:
         return str(reason)
     if unit.columns["controller"] == DAGGER and not layout.labels:
         valid = ", ".join(name for name, other in LAYOUTS.items() if other.labels)

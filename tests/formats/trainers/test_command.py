@@ -2,12 +2,14 @@
 
 import errno
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.formats.trainers.scene import FALLEN, make_unit
+from tests.support.runs.tiny_run import TINY, write_scan
 from vlnpe.formats.lerobot import assemble_dataset
 from vlnpe.formats.trainers import subset as subset_module
 from vlnpe.formats.trainers.registry import LAYOUTS
@@ -89,6 +91,19 @@ def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, in
     assert len({r["video_id"] for r in records}) == len(records)
 
 
+@pytest.mark.parametrize("name", [n for n, layout in LAYOUTS.items() if layout.endings])
+def test_failures_are_written_where_their_end_is_said(
+    name: str, run: Path, tmp_path: Path, inline: None
+) -> None:
+    assert convert(run, name, tmp_path, "--keep-failures") == 0
+    lines = [
+        json.loads(line)["end_reason"]
+        for path in (tmp_path / name).rglob("episodes.jsonl")
+        for line in path.read_text().splitlines()
+    ]
+    assert sorted(lines) == ["fall"] * 2 + ["success"] * 6
+
+
 @pytest.mark.parametrize(
     ("call", "said"),
     [
@@ -96,6 +111,8 @@ def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, in
         (["--to", "navila", "--balance", "even"], "unknown balance 'even'"),
         (["--to", "streamvln", "--balance", "navila"], "valid: natural, or one of the layouts nav"),
         (["--to", "mcap", "--balance", "navila"], "records of mcap are whole episodes"),
+        (["--to", "navila", "--keep-failures"], "valid: internvla-n1, navdp"),
+        (["--to", "mcap", "--keep-failures"], "mcap has no field"),
         (["--to", "lerobot", "--from", "streamvln"], "lacks the robot's poses"),
         (["--to", "lerobot", "--from", "navdp"], "cannot be converted back"),
         (["--to", "mcap", "--from", "n1"], "has the format lerobot"),
@@ -167,6 +184,28 @@ def test_failures_alone_give_nothing(tmp_path: Path, inline: None) -> None:
     assemble_dataset([unit], tmp_path / "set", provenance={}, licence="mit", title="Set")
     assert convert(tmp_path / "set", "streamvln", tmp_path / "out") == 1
     assert not (tmp_path / "out" / "streamvln").exists()
+
+
+@pytest.mark.chain
+def test_collect_writes_layouts_and_shows_their_answers(tmp_path: Path, inline: None) -> None:
+    scan, run = write_scan(tmp_path / "scan.glb"), tmp_path / "run"
+    call = ["collect", "--scene", str(scan), *TINY, "--out", str(run), "--no-mcap"]
+    assert cli.main([*call, "--also", "navila,streamvln"]) == 0
+    page = (run / "report" / "index.html").read_text()
+    for name in ("navila", "streamvln"):
+        assert convert(run, name, tmp_path) == 0
+        (own,) = run.glob(f"{name}/train/*")
+        assert {p.name for p in own.iterdir()} == {
+            p.name for p in (tmp_path / own.relative_to(run)).iterdir()
+        }
+        readme = (own / "README.md").read_text()
+        assert readme == (tmp_path / own.relative_to(run) / "README.md").read_text()
+        rows = re.findall(r"\| (\w+) \| (\d+) \| (\d+) \|", readme)
+        assert rows and all(f'data-label="{k}">{a} → {b}<' in page for k, a, b in rows)
+    assert cli.main(["verify", str(run)]) == 0
+    assert cli.main(call) == 0  # without the option the report leaves them out
+    assert "Layouts of trainers" in page
+    assert "Layouts of trainers" not in (run / "report" / "index.html").read_text()
 
 
 def test_an_unknown_layout_of_collect_is_refused(capfd: pytest.CaptureFixture[str]) -> None:

@@ -130,7 +130,7 @@ def test_streamvln(sources: list[WalkSource], tmp_path: Path) -> None:
 
 
 def test_sharegpt(sources: list[WalkSource], tmp_path: Path) -> None:
-    """As data_qwen and LLaMA-Factory: as many images as marks, the newest last."""
+    """As the trainers of Qwen-VL and LLaMA-Factory: as many images as marks, the newest last."""
     out = write("sharegpt", tmp_path, sources)
     records = json.loads((out / "annotations.json").read_text())
     assert len({r["id"] for r in records}) == len(records)
@@ -147,7 +147,7 @@ def test_sharegpt(sources: list[WalkSource], tmp_path: Path) -> None:
                 question, answer = record["conversations"]
                 assert (question["from"], answer["from"]) == ("human", "gpt")
                 assert question["value"].count("<image>") == len(record["images"]) <= 9
-                assert record["images"] == sorted(set(record["images"]))
+                assert record["images"] == sorted(set(record["images"])) == record["image"]
                 assert all((out / path).is_file() for path in record["images"])
                 assert all(word in question["value"] for word in words)
             assert ends_m(source, [words[r["conversations"][1]["value"]] for r in own]) < 0.5
