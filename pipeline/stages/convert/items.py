@@ -64,13 +64,11 @@ def run(
         else:
             last = _scene_items(rows, root, folder, name, options)
             context.ledger.record([folder / layout.VOCABULARY_NAME])
-        summaries.append(run_stage(context, target, last, f"{name}/"))
+        done = run_stage(context, target, last, f"{name}/")
+        summaries.append(done)
         context.ledger.discard(target, f"{name}/")
-        written += (
-            sorted({root / o for item in last for o in item.outputs})
-            if target in LAYOUTS
-            else [folder]
-        )
+        outputs = sorted({root / o for row in done.good().values() for o in row.outputs})
+        written += outputs if target in LAYOUTS else [folder]
     return summaries, written
 
 

@@ -137,7 +137,11 @@ def test_what_was_written_is_not_converted_back(
 
 
 def test_a_full_disk_leaves_nothing_that_looks_finished(
-    run: Path, tmp_path: Path, inline: None, monkeypatch: pytest.MonkeyPatch
+    run: Path,
+    tmp_path: Path,
+    inline: None,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
@@ -145,6 +149,7 @@ def test_a_full_disk_leaves_nothing_that_looks_finished(
     monkeypatch.setattr(subset_module, "write_array", full)
     assert convert(run, "navila", tmp_path) != 0
     assert not [path for path in (tmp_path / "navila").rglob("*") if path.is_file()]
+    assert "written to" not in capfd.readouterr().out
     monkeypatch.undo()
     assert convert(run, "navila", tmp_path) == 0
     assert (tmp_path / "navila" / "train" / "dog-path-front" / "README.md").is_file()
@@ -188,18 +193,18 @@ def test_failures_alone_give_nothing(tmp_path: Path, inline: None) -> None:
 
 @pytest.mark.chain
 def test_collect_writes_layouts_and_shows_their_answers(tmp_path: Path, inline: None) -> None:
-    scan, run = write_scan(tmp_path / "scan.glb"), tmp_path / "run"
+    scan, run, out = write_scan(tmp_path / "scan.glb"), tmp_path / "run", tmp_path / "out"
     call = ["collect", "--scene", str(scan), *TINY, "--out", str(run), "--no-mcap"]
     assert cli.main([*call, "--also", "navila,streamvln"]) == 0
     page = (run / "report" / "index.html").read_text()
     for name in ("navila", "streamvln"):
-        assert convert(run, name, tmp_path) == 0
+        assert convert(run, name, out) == 0
         (own,) = run.glob(f"{name}/train/*")
         assert {p.name for p in own.iterdir()} == {
-            p.name for p in (tmp_path / own.relative_to(run)).iterdir()
+            p.name for p in (out / own.relative_to(run)).iterdir()
         }
         readme = (own / "README.md").read_text()
-        assert readme == (tmp_path / own.relative_to(run) / "README.md").read_text()
+        assert readme == (out / own.relative_to(run) / "README.md").read_text()
         rows = re.findall(r"\| (\w+) \| (\d+) \| (\d+) \|", readme)
         assert rows and all(f'data-label="{k}">{a} → {b}<' in page for k, a, b in rows)
     assert cli.main(["verify", str(run)]) == 0
