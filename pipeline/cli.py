@@ -86,6 +86,7 @@ _TABLE = (
     Verb("ablate", "training.Ablate", "commands.training.ablate.run"),
     Verb("evaluate", "evaluate.Evaluate", "commands.evaluate.run_evaluate"),
     Verb("dagger", "evaluate.Dagger", "commands.dagger.run"),
+    Verb("drive", "drive.Drive", "commands.drive.run"),
     Verb("serve", "evaluate.Serve", "commands.serve.run"),
     Verb("benchmark", "benchmark.Benchmark", "commands.benchmark.run"),
     Verb("compare", "evaluate.Compare", "commands.evaluate.run_compare"),

@@ -67,6 +67,16 @@ class OutcomeWatch:
             else config.stuck_steps // POLICY_DECIMATION
         )
 
+    @property
+    def trace(self) -> tuple[tuple[float, float, float], ...]:
+        """The poses that stuck is judged over, oldest first."""
+        return tuple(self._trace)
+
+    @trace.setter
+    def trace(self, poses: tuple[tuple[float, float, float], ...]) -> None:
+        self._trace.clear()
+        self._trace.extend(poses)
+
     def diverged(self) -> str | None:
         """Describe a state that is not finite, or implausibly fast; None for any other."""
         speed = math.sqrt(self._qvel.dot(self._qvel))

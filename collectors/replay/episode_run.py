@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from copy import copy, deepcopy
+from dataclasses import asdict, dataclass, replace
 from hashlib import sha256
-from typing import cast
+from typing import Any, cast
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
@@ -26,9 +28,8 @@ from ..controllers import (
     Chooser,
     Coasting,
     Controller,
+    Decision,
     Pose,
-    SteeredController,
-    Steerer,
     Task,
     Teleporter,
     controller_for,
@@ -46,8 +47,38 @@ STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
 
 
+@dataclass(frozen=True)
+class Checkpoint:
+    """An episode at one of its policy steps, before it began to end; see `EpisodeRun.rewind`.
+
+    Attributes:
+        tick: samples since the start.
+        data: a copy of the simulation.
+        gait: copies of the gait's memory.
+        controller: a copy, which shares the task and what commands it.
+        trace: poses that stuck is judged over.
+        counts: numbers of samples, events, actions and motions.
+    """
+
+    tick: int
+    data: mujoco.MjData
+    gait: tuple[NDArray[Any], ...]
+    controller: Controller
+    command: tuple[float, float, float]
+    trace: tuple[tuple[float, float, float], ...]
+    counts: tuple[int, int, int, int]
+    touched: dict[str, int]
+
+
 class EpisodeRun:
-    """An episode of one robot and one controller, from spawning to its rollout."""
+    """An episode of one robot and one controller, from spawning to its rollout.
+
+    Attributes:
+        tick: samples since the start; the time is `tick / STATE_RATE_HZ`.
+        command: the one in force.
+        on_decision: is told of each decision of the controller, with its tick, before the robot
+            obeys.
+    """
 
     def __init__(
         self,
@@ -55,17 +86,23 @@ class EpisodeRun:
         episode: Episode,
         config: ReplayConfig,
         choose: Callable[[Task], Chooser] | None = None,
-        steer: Callable[[Task], Steerer] | None = None,
+        control: Callable[[Task], Controller] | None = None,
     ) -> None:
+        """Prepare an episode.
+
+        Args:
+            choose: see `replay_in`.
+            control: returns the controller of a task; the one that `config` names when None.
+        """
         self.world, self.episode, self.config = world, episode, config
-        self.choose, self.steer = choose, steer
+        self.choose, self.control = choose, control
         self.entry = controller_for(world.robot, config.controller)
         if choose is not None and not self.entry.discrete:
             valid = ", ".join(name for name, entry in CONTROLLERS.items() if entry.discrete)
             raise InputError(
                 f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
             )
-        if steer is not None and self.entry.teleports:
+        if control is not None and self.entry.teleports:
             valid = ", ".join(name for name, entry in CONTROLLERS.items() if not entry.teleports)
             raise InputError(
                 f"controller {config.controller!r} takes no velocities or waypoints; valid: {valid}"
@@ -81,9 +118,21 @@ class EpisodeRun:
         self.facts: dict[str, object] = {}
         self._touched: dict[str, int] = {}
         self.ending = Ending(self.watch, config)
+        self.tick, self.command = 0, STOPPED
+        self.on_decision: Callable[[int, Decision], None] | None = None
 
     def rollout(self) -> Rollout:
         """Replay the episode; call it once."""
+        end = self.begin()
+        while end is None:
+            end = self.advance()
+        return self.finish(end)
+
+    def begin(self) -> EndReason | None:
+        """Spawn the robot and let it settle; return why the episode ended, None if it goes on.
+
+        Without physics in between, the whole episode is done here.
+        """
         x, y, _ = self.episode.start_position_world_m.tolist()
         self.task = task = Task(
             reference_xy_m=self.episode.reference_path_world_m[:, :2],
@@ -103,20 +152,25 @@ class EpisodeRun:
         if stuck_in:
             self.recorder.sample(STOPPED)
             self._note("collision_start", ", ".join(sorted(stuck_in)))
-            return self._finish(EndReason.COLLISION_START)
+            return EndReason.COLLISION_START
         driver = (
             self.entry.build(task, self.controller_config)
-            if self.steer is None
-            else SteeredController(task, self.steer(task))
+            if self.control is None
+            else self.control(task)
         )
         if self.entry.teleports:
-            return self._finish(self._jump(cast(Teleporter, driver)))
+            return self._jump(cast(Teleporter, driver))
         # Kept only if physics diverges while settling: a rollout has at least one sample.
         self.recorder.sample(STOPPED)
         if not self._settle():
-            return self._finish(EndReason.DIVERGED)
-        self.recorder.drop_last()
-        return self._finish(self._drive(cast(Controller, driver)))
+            return EndReason.DIVERGED
+        self.recorder.drop_after(0)
+        self.controller = controller = cast(Controller, driver)
+        self._control_every = STATE_RATE_HZ // controller.rate_hz
+        limit = self.config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ
+        self._limit = round(limit) if math.isfinite(limit) else limit
+        self.facts["nominal_s"] = round(controller.nominal_s, 3)
+        return None
 
     def _joint_noise(self) -> np.ndarray:
         text = f"{self.config.seed}/{self.episode.episode_id}".encode()
@@ -142,62 +196,108 @@ class EpisodeRun:
         self.facts["settle_s"] = round(float(data.time), 3)
         return True
 
-    def _drive(self, controller: Controller) -> EndReason:
-        """Let the controller drive until the episode has ended and the robot is at rest."""
-        world, config, ending = self.world, self.config, self.ending
-        model, data = world.model, world.data
-        control_every = STATE_RATE_HZ // controller.rate_hz
-        limit = config.outcome.timeout_factor * controller.nominal_s * STATE_RATE_HZ
-        limit = round(limit) if math.isfinite(limit) else limit
-        self.facts["nominal_s"] = round(controller.nominal_s, 3)
-        command, tick = STOPPED, 0
-        while not ending.complete(tick):
-            if not ending.begun and tick % control_every == 0:
-                decision = controller.step(tick / STATE_RATE_HZ, world.pose)
-                command = decision.command
-                for kind, detail in decision.notes:
-                    self._note(kind, detail)
-                if decision.action is not None:
-                    self.actions.append((decision.action, tick))
-                self.motions += decision.chosen
-                if decision.chosen or decision.action is not None:
-                    self.watch.acted()
-                if decision.done:
-                    command = STOPPED
-                    self._note("stop", "")
-                    ending.stop(tick)
-                elif tick >= limit or self._choices > config.outcome.timeout_actions:
-                    self._note("timeout", f"{tick / STATE_RATE_HZ:.1f} s")
-                    return EndReason.TIMEOUT
-            self.recorder.sample(command)
-            if tick % SAMPLES_PER_POLICY == 0:
-                world.act(command)
-            mujoco.mj_step(model, data, nstep=STEPS_PER_SAMPLE)
-            tick += 1
-            if tick % SAMPLES_PER_POLICY:
-                continue
-            if self._diverged():
-                self.recorder.drop_broken()
-                return EndReason.DIVERGED
-            self._watch_contacts(tick)
-            verdict = None if ending.fallen else self.watch.check()
-            if verdict is None:
-                ending.look(tick)
-                continue
-            reason, detail = verdict
-            if reason is EndReason.FALL:
-                self._note(reason.value, detail)
-                command = STOPPED
-                ending.fall(tick)
-            elif not ending.begun:
-                self._note(reason.value, detail)
-                return reason
+    def advance(self) -> EndReason | None:
+        """Simulate to the next policy step; return why the episode ended, None if it goes on.
+
+        Raises:
+            Exception: whatever the controller raised. Nothing has happened since the last step
+                then, or since the sample before, and the same call goes on from there.
+        """
+        world, ending = self.world, self.ending
+        while not ending.complete(self.tick):
+            if not ending.begun and self.tick % self._control_every == 0:
+                end = self._decide()
+                if end is not None:
+                    return end
+            self.recorder.sample(self.command)
+            if self.tick % SAMPLES_PER_POLICY == 0:
+                world.act(self.command)
+            mujoco.mj_step(world.model, world.data, nstep=STEPS_PER_SAMPLE)
+            self.tick += 1
+            if self.tick % SAMPLES_PER_POLICY == 0:
+                return self._judge()
         self.recorder.sample(STOPPED)
         if ending.fallen:
             return EndReason.FALL
         if ending.rest_tick is not None:
             self.events.append(Event(ending.rest_tick / STATE_RATE_HZ, REST_EVENT, ""))
         return self._stop()
+
+    def _decide(self) -> EndReason | None:
+        """Let the controller decide; return a timeout, or None."""
+        decision = self.controller.step(self.tick / STATE_RATE_HZ, self.world.pose)
+        if self.on_decision is not None:
+            self.on_decision(self.tick, decision)
+        self.command = decision.command
+        for kind, detail in decision.notes:
+            self._note(kind, detail)
+        if decision.action is not None:
+            self.actions.append((decision.action, self.tick))
+        self.motions += decision.chosen
+        if decision.chosen or decision.action is not None:
+            self.watch.acted()
+        if decision.done:
+            self.command = STOPPED
+            self._note("stop", "")
+            self.ending.stop(self.tick)
+        elif self.tick >= self._limit or self._choices > self.config.outcome.timeout_actions:
+            self._note("timeout", f"{self.tick / STATE_RATE_HZ:.1f} s")
+            return EndReason.TIMEOUT
+        return None
+
+    def _judge(self) -> EndReason | None:
+        """Look at the robot after a policy step; return why the episode ended, or None."""
+        ending = self.ending
+        if self._diverged():
+            self.recorder.drop_broken()
+            return EndReason.DIVERGED
+        self._watch_contacts(self.tick)
+        verdict = None if ending.fallen else self.watch.check()
+        if verdict is None:
+            ending.look(self.tick)
+            return None
+        reason, detail = verdict
+        if reason is EndReason.FALL:
+            self._note(reason.value, detail)
+            self.command = STOPPED
+            ending.fall(self.tick)
+        elif not ending.begun:
+            self._note(reason.value, detail)
+            return reason
+        return None
+
+    def checkpoint(self) -> Checkpoint:
+        """Return a copy of the state between two policy steps, before the episode begins to end."""
+        world = self.world
+        return Checkpoint(
+            tick=self.tick,
+            data=copy(world.data),
+            gait=tuple(array.copy() for array in world.gait.memory),
+            controller=self._copied(self.controller),
+            command=self.command,
+            trace=self.watch.trace,
+            counts=(len(self.recorder), len(self.events), len(self.actions), self.motions),
+            touched=dict(self._touched),
+        )
+
+    def rewind(self, to: Checkpoint) -> None:
+        """Go back to a checkpoint of this run; the same decisions then give the same bits."""
+        world = self.world
+        mujoco.mj_copyData(world.data, world.model, to.data)
+        for array, kept in zip(world.gait.memory, to.gait, strict=True):
+            array[:] = kept
+        self.tick, self.command = to.tick, to.command
+        self.controller, self.watch.trace = self._copied(to.controller), to.trace
+        samples, events, actions, self.motions = to.counts
+        self.recorder.drop_after(samples)
+        del self.events[events:], self.actions[actions:]
+        self._touched = dict(to.touched)
+        self.ending = Ending(self.watch, self.config)
+        self.facts.pop("diverged_state", None)
+
+    def _copied(self, controller: Controller) -> Controller:
+        shared = (self.task, *vars(self.task).values(), getattr(controller, "source", None))
+        return deepcopy(controller, {id(value): value for value in shared})
 
     @property
     def _choices(self) -> int:
@@ -260,7 +360,8 @@ class EpisodeRun:
         }
         return True
 
-    def _finish(self, end: EndReason) -> Rollout:
+    def finish(self, end: EndReason) -> Rollout:
+        """Return the record of an episode that ended."""
         arrays = self.recorder.arrays()
         world, config, count = self.world, self.config, len(self.recorder)
         stops = [start for _, start in self.actions[1:]] + [count]

@@ -47,9 +47,9 @@ class Recorder:
             rows[k : k + samples] = rows[k - 1]
         self._count = k + samples
 
-    def drop_last(self) -> None:
-        """Forget the last sample."""
-        self._count -= 1
+    def drop_after(self, samples: int) -> None:
+        """Keep the first samples only."""
+        self._count = min(self._count, samples)
 
     def drop_broken(self) -> None:
         """Forget the first sample with a number that is not finite, and all after it."""

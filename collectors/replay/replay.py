@@ -15,7 +15,7 @@ import mujoco
 from ...formats.core.episode import Episode
 from ...formats.core.rollout import Rollout
 from ...formats.scene.bundle import SceneBundle
-from ..controllers import Chooser, Steerer, Task, controller_for
+from ..controllers import Chooser, SteeredController, Steerer, Task, controller_for
 from ..robots import get_robot
 from .config import ReplayConfig
 from .episode_run import EpisodeRun
@@ -72,12 +72,13 @@ def replay_in(
         InputError: the controller cannot move the world's robot, takes no discrete actions
             although `choose` is given, or no motions although `steer` is.
     """
-    with _warnings_logged():
-        return EpisodeRun(world, episode, config, choose, steer).rollout()
+    control = None if steer is None else lambda task: SteeredController(task, steer(task))
+    with warnings_logged():
+        return EpisodeRun(world, episode, config, choose, control).rollout()
 
 
 @contextlib.contextmanager
-def _warnings_logged() -> Iterator[None]:
+def warnings_logged() -> Iterator[None]:
     """Send MuJoCo's warnings to our log; by itself it writes a file into the working folder."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda message: log.warning("physics: %s", message))

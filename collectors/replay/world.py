@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ...formats.core.arrays import Array
 from ...formats.scene.bundle import SceneBundle
@@ -25,6 +25,11 @@ TOUCHING_M = -0.001  # a start is in collision when something is deeper inside a
 
 class Gait(Protocol):
     """Actuation of the joints; `drives` implements wheels and trained policies."""
+
+    @property
+    def memory(self) -> tuple[NDArray[Any], ...]:
+        """The arrays in which it keeps what it remembers between steps."""
+        ...
 
     def reset(self) -> None:
         """Forget everything; called at the start of every rollout."""

@@ -13,6 +13,7 @@ STATE_RATE_HZ = 100  # divisible by 4, 5, 10, 20, 25 and 50: every frame time is
 DISCRETE_RATE_HZ = 4  # a discrete action takes 0.25 s in VLN-PE's timing
 REST_M_S = 0.05  # a base slower than this is at rest
 DAGGER = "dagger"  # controller of a walk that a policy and the expert share
+HUMAN = "human"  # controller of a drive of a person
 REST_EVENT = "rest"  # kind of the event at which a stopped robot came to rest
 FORWARD_STEP_M = 0.25
 TURN_STEP_RAD = math.radians(15.0)

@@ -62,7 +62,7 @@ def run(options: Collect) -> int:
     check_depth_storage(options.depth)
     episode_files, preset, count = _episodes(options.episodes)
     instructing, vision = instruct_config(options), vision_settings(options)
-    sources = _sources(options, episode_files, preset)
+    sources = sources_of(options, episode_files, preset)
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
@@ -169,7 +169,7 @@ def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:
     return max([*before, *(robot.footprint_radius_m for robot in robots)])
 
 
-def _sources(
+def sources_of(
     options: Collect, episode_files: Sequence[Path], preset: str
 ) -> Mapping[str, Path | BuiltIn]:
     """Return the scan, or the building to generate, of each scene id."""

@@ -95,7 +95,7 @@ def sampled(
     episodes.warn_if_fewer(earlier, summary.rows)
     if quotas is not None:
         episodes.check_complete(summary.rows, quotas, exact=exact, before=before)
-    return _instructed(run, wording, summary, parts)
+    return instructed(run, wording, summary, parts)
 
 
 def aligned(
@@ -122,12 +122,18 @@ def aligned(
     items = align.items(files, scenes, folder.scenes, parts, config)
     summary = run.stage(align.STAGE, items)
     align.record_rejected(ledger, filtered, summary, files, scenes)
-    return _instructed(run, wording, summary, parts)
+    return instructed(run, wording, summary, parts)
 
 
-def _instructed(
+def instructed(
     run: Run, wording: Wording, source: StageSummary, parts: Mapping[str, Path]
 ) -> list[Episode]:
+    """Instruct the paths that have no instruction, and join them to one file for each split.
+
+    Args:
+        source: of the stage that made the paths.
+        parts: its episode files, by item.
+    """
     folder, ledger, config = run.folder, run.context.ledger, wording.config
     rows = source.good()
     observer = sight.Sight(folder.scenes, folder.sights, wording.robot, config.replace)
@@ -143,7 +149,7 @@ def _instructed(
         sys.stderr.writelines(sight.naming_report(naming.values()))
         seen = {s: row for s, row in seen.items() if align.scene_of_part(s) in naming}
         named = {s: row for s in seen if sight.used_model(row := naming[align.scene_of_part(s)])}
-    instructed = {s: folder.episodes(f"instructed/{s}") for s in seen}
+    outs = {s: folder.episodes(f"instructed/{s}") for s in seen}
     items = [
         instruct.item(
             s,
@@ -151,7 +157,7 @@ def _instructed(
                 scenes=folder.scenes,
                 episodes=parts[s],
                 seen=(folder.sights.seen(s),),
-                out=instructed[s],
+                out=outs[s],
                 facts=folder.facts(s),
                 cache=folder.root / CACHE_NAME,
                 config=config,
@@ -168,7 +174,7 @@ def _instructed(
     done = run.stage(instruct.STAGE, items)
     instruct.record_failed(ledger, done)
     paths, files = episodes.merge(
-        [instructed[s] for s in done.good()], folder.episodes, run.per_instruction
+        [outs[s] for s in done.good()], folder.episodes, run.per_instruction
     )
     ledger.record(files.values())
     ledger.record_new(folder.root / CACHE_NAME)

@@ -95,11 +95,29 @@ def collect(
     facts: Mapping[str, Any],
 ) -> None:
     """Replay the episodes with one crew; render and export each view."""
-    folder, robot = run.folder, crew[0]
     walker = _walker(run, crew)
     label = replay.label_of(run.context.ledger, walker.config)
     walks = _walks(run, episodes, scenes, walker, label)
-    ledger = run.context.ledger
+    export_walks(run, episodes, walks, scenes, (crew[0], label), views, product, facts)
+
+
+def export_walks(
+    run: Run,
+    episodes: Sequence[Episode],
+    walks: Sequence[WorkItem],
+    scenes: Mapping[str, Row],
+    crew: Crew,
+    views: Sequence[View],
+    product: Product,
+    facts: Mapping[str, Any],
+) -> None:
+    """Walk the episodes; render and export each view.
+
+    Args:
+        walks: items of the replay stage, one of each episode.
+        crew: robot, and the label of its walks.
+    """
+    folder, ledger, (robot, label) = run.folder, run.context.ledger, crew
     rollouts: dict[str, Row] | None = None
     for view in views:
         dataset = export.Dataset.under(folder.root, robot.name, label, view.name)

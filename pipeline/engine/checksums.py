@@ -1,8 +1,7 @@
-"""The manifest's JSON with its own SHA-256, and the journal's lines with their checksums."""
+"""The manifest's JSON with its own SHA-256."""
 
 import hashlib
 import json
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -43,21 +42,3 @@ def read_signed(path: Path) -> dict[str, Any]:
             "from a copy, or delete its second line to use it as it is",
         )
     return content
-
-
-def journal_line(value: Any) -> bytes:
-    """Return a line of the journal: JSON and its CRC-32."""
-    text = json.dumps(value, allow_nan=False).encode()
-    return b"%s\t%08x\n" % (text, zlib.crc32(text))
-
-
-def parse_journal_line(line: bytes) -> dict[str, Any]:
-    """Return a line of the journal; lines of older versions have no checksum.
-
-    Raises:
-        ValueError: If it is damaged or cut short.
-    """
-    text, separator, checksum = line.rpartition(b"\t")
-    if separator and int(checksum, 16) != zlib.crc32(text):
-        raise ValueError("checksum")
-    return json.loads(text if separator else line)

@@ -15,7 +15,8 @@ from typing import Any
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import FileFormatError, did_you_mean
-from .checksums import journal_line, json_text, parse_journal_line, read_signed, signed
+from ...formats.core.journal import journal_line, parse_journal_line
+from .checksums import json_text, read_signed, signed
 from .files import FileRecord, Records, files_in, lost, path_in_run, records_of
 from .rows import Row
 

@@ -117,6 +117,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "repair": check_scene,
     "sample": read_episodes,
     "align": read_episodes,
+    "drive": read_episodes,
     "filter": read_episodes,
     "look": read_visibility,
     "name": lambda path: read_named([path]),

@@ -113,15 +113,20 @@ class CartGait:
 
     def __init__(self, brisk: float = 1.0) -> None:
         self._step = brisk * np.array([0.08, 0.12])  # m/s and rad/s per 20 ms
+        self._speed = np.zeros(2)
         self.reset()
 
+    @property
+    def memory(self) -> tuple[NDArray[np.float64], ...]:
+        return (self._speed,)
+
     def reset(self) -> None:
-        self._speed = np.zeros(2)
+        self._speed[:] = 0.0
         self.targets: list[NDArray[np.float64]] = []
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> NDArray[np.float64]:
         wanted = np.asarray(command, dtype=float)[[0, 2]]
-        self._speed = self._speed + np.clip(wanted - self._speed, -self._step, self._step)
+        self._speed += np.clip(wanted - self._speed, -self._step, self._step)
         vx, yaw = self._speed
         self.targets.append(np.array([vx - yaw * TRACK_M / 2, vx + yaw * TRACK_M / 2]) / WHEEL_M)
         return self.targets[-1]

@@ -1,8 +1,10 @@
 """Actuation of a robot: wheels, a trained gait, or none."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.arrays import Array
 from ...robots import POLICY_DECIMATION, TIMESTEP_S, RobotSpec
@@ -33,14 +35,18 @@ class DifferentialDrive:
             side[[robot.joint_names.index(name) for name in names]] = sign
         self._wheels = np.flatnonzero(side)
         self._y_m = 0.5 * drive.track_m * side[self._wheels]
-        self._default = robot.default_joint_rad
+        self._default, self._speed = robot.default_joint_rad, np.zeros(2)
         self._radius_m = drive.wheel_radius_m
         self._most = _STEP_S * np.array([drive.ramp_m_s2, drive.ramp_rad_s2])
-        self.reset()
+
+    @property
+    def memory(self) -> tuple[NDArray[Any], ...]:
+        """The commanded speed."""
+        return (self._speed,)
 
     def reset(self) -> None:
         """Forget the speed; call at the start of every rollout."""
-        self._speed = np.zeros(2)
+        self._speed[:] = 0.0
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return servo targets for the next 20 ms: wheel speeds [rad/s], joint positions [rad].
@@ -54,7 +60,7 @@ class DifferentialDrive:
             (J,) in the order of `robot.joint_names`.
         """
         target = self.robot.command_limits.clip(np.asarray(command, dtype=np.float64))[[0, 2]]
-        self._speed = self._speed + np.clip(target - self._speed, -self._most, self._most)
+        self._speed += np.clip(target - self._speed, -self._most, self._most)
         targets = self._default.copy()
         targets[self._wheels] = (self._speed[0] - self._y_m * self._speed[1]) / self._radius_m
         return targets
@@ -62,6 +68,8 @@ class DifferentialDrive:
 
 class Still:
     """No actuation, for an agent without joints, which can only be placed."""
+
+    memory = ()
 
     def reset(self) -> None:
         """Do nothing."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ....formats.core.arrays import Array
 from ....formats.core.errors import FileFormatError
@@ -76,6 +77,11 @@ class GaitPolicy:
     def phase(self) -> float:
         """Gait phase in cycles, 0 while standing."""
         return float(self._step.clock.phase[0]) if self._step else 0.0
+
+    @property
+    def memory(self) -> tuple[NDArray[Any], ...]:
+        """Clock, last action and past; empty before the first step."""
+        return self._step.memory if self._step else ()
 
     def reset(self) -> None:
         """Forget clock and last action; call at the start of every rollout."""

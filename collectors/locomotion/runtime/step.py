@@ -62,11 +62,12 @@ class GaitStep:
 
     def continue_from(self, other: GaitStep) -> None:
         """Take over the memory of another step of the same robots."""
-        for new, old in zip(self._memory, other._memory, strict=True):
+        for new, old in zip(self.memory, other.memory, strict=True):
             new[:] = old
 
     @property
-    def _memory(self) -> tuple[NDArray, ...]:
+    def memory(self) -> tuple[NDArray, ...]:
+        """Clock, last action and past."""
         return (*self.clock, self.action, self.observation, self._remembers)
 
     def observe(self, command: ArrayLike) -> Floats:

@@ -1,0 +1,125 @@
+"""Real time: physics, the robot's camera and the person's words, in one thread."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from ...collectors.driving.drive import Drive
+from ...evaluation.observation import Eye
+from ...formats.core.errors import InputError
+from ...formats.core.rollout import EndReason
+from ...wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
+from .desk import Desk
+
+STEP_S = 0.02
+FRAME_S = 0.08  # 12.5 pictures a second
+BEHIND_S = 0.2  # what is later than this is not caught up with
+UNDO_S = 3.0
+JPEG_QUALITY = 85
+KEPT, LEFT = "kept", "left"
+SAID = {
+    EndReason.SUCCESS: "Arrived.",
+    EndReason.STOPPED_FAR: "Stopped.",
+    EndReason.FALL: "The robot fell.",
+    EndReason.STUCK: "Stuck: it got nowhere for a while.",
+    EndReason.TIMEOUT: "Out of time: 500 actions.",
+    EndReason.DIVERGED: "Physics diverged.",
+}
+
+
+@dataclass
+class Seat:
+    """A drive in front of a person.
+
+    Attributes:
+        title: such as `2 of 7`.
+        free: without an instruction.
+    """
+
+    drive: Drive
+    eye: Eye
+    title: str
+    free: bool
+
+
+def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monotonic) -> str:
+    """Drive in real time until the drive is kept, or the person leaves.
+
+    Returns:
+        `KEPT` or `LEFT`. A drive that was left can be gone on with.
+    """
+    drive, run = seat.drive, seat.drive.run
+    goal = run.episode.goal_position_world_m[:2]
+    field = None if seat.free else distance_field(run.world.freemap, goal, AGENT_RADIUS_M)
+    paused, note, jpeg, drawn = False, "", b"", None
+    pace: deque[tuple[float, float]] = deque(maxlen=round(2.0 / STEP_S))
+    due_s = frame_s = clock()
+    while True:
+        for word in desk.words():
+            note = ""
+            if word == "pause":
+                paused = not paused
+            elif word == "close":
+                return LEFT
+            elif word == "keep" and drive.end is not None:
+                try:
+                    drive.keep(drive.own_episode if seat.free else run.episode)
+                except InputError as error:
+                    note = str(error)
+                    continue
+                return KEPT
+            elif word in ("undo", "reset"):
+                before_s = drive.time_s
+                drive.reset() if word == "reset" else drive.undo(UNDO_S)
+                note = f"{before_s - drive.time_s:.1f} s taken back"
+                paused = False
+        moved = not paused and drive.step()
+        now_s = clock()
+        pace.append((now_s, drive.time_s)) if moved else pace.clear()
+        if now_s >= frame_s:
+            if drawn != (drawn := run.tick):
+                jpeg = encoded(seat.eye.look()[0])
+            state = "ended" if drive.end else "paused" if paused else "moving" if moved else "waits"
+            shown = _state(seat, field) | {"state": state, "note": note, "pace": _pace(pace)}
+            desk.show(jpeg, shown | {"number": desk.heard})
+            frame_s = max(frame_s + FRAME_S, now_s)
+        due_s = max(due_s + STEP_S, clock() - BEHIND_S)
+        time.sleep(max(due_s - clock(), 0.0))
+
+
+def encoded(rgb: np.ndarray) -> bytes:
+    """Return a picture (H, W, 3) uint8 as JPEG."""
+    bgr = cv2.cvtColor(rgb, cv2.COLOR_RGB2BGR)
+    return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
+
+
+def _state(seat: Seat, field: DistanceField | None) -> dict[str, Any]:
+    drive, run = seat.drive, seat.drive.run
+    pose = run.world.pose
+    left_m = float(field.at(np.array([[pose.x_m, pose.y_m]]))[0]) if field else None
+    contacts = [event.detail for event in run.events[-3:] if event.kind == "contact"]
+    return {
+        "title": seat.title,
+        "instruction": run.episode.instruction,
+        "robot": run.world.robot.name,
+        "time_s": round(drive.time_s, 2),
+        "pose": [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 3)],
+        "speed_m_s": round(run.watch.speed_m_s(), 2),
+        "command": [round(value, 3) for value in run.command],
+        "left_m": left_m if left_m is None or not np.isfinite(left_m) else round(left_m, 1),
+        "touched": contacts[-1] if contacts else "",
+        "end": SAID.get(drive.end, str(drive.end)) if drive.end else "",
+    }
+
+
+def _pace(pace: deque[tuple[float, float]]) -> float | None:
+    """Return how much faster than real time the robot moves; None unless it has for a while."""
+    if len(pace) < 10:
+        return None
+    (wall_0, time_0), (wall_1, time_1) = pace[0], pace[-1]
+    return round((time_1 - time_0) / max(wall_1 - wall_0, 1e-6), 2)

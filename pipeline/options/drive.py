@@ -1,0 +1,66 @@
+"""Options of `vlnpe drive`."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import tyro
+
+from ...formats.core.errors import InputError, check_name
+from . import check_numbers, must_exist
+from .running import Running
+from .shared import Mounting
+
+VELOCITY = "velocity"
+
+
+@dataclass(frozen=True)
+class Drive(Mounting, Running):
+    """Drive a robot yourself, in physics and in real time, in a page in the browser.
+
+    W S or the arrows up and down walk, A D or the arrows left and right turn, Q E step sideways,
+    Shift walks slowly, Enter stops for good, Z takes the last seconds back, R goes back to the
+    start, P pauses; a gamepad and the buttons of the page do the same. Time stands still while
+    you ask for nothing. Each drive that you keep becomes a rollout with the controller `human`;
+    closing the session makes the dataset of all of them, as `vlnpe collect` does. The same command
+    goes on with a drive that was interrupted.
+
+    Example: vlnpe drive runs/home --robot h1 --episodes runs/home --driver Ada --out runs/driven
+    """
+
+    scene: tyro.conf.Positional[str]
+    """Scene to drive in: a run folder or a repaired scene, else what `vlnpe collect --scene` takes:
+    a scan, or builtin:villa and the like."""
+    robot: str = "h1"
+    """Robot: a name (see `vlnpe robots`), or the folder of your own robot."""
+    episodes: Path | None = None
+    """Episode file (.json.gz) or run folder whose instructions are to be followed. Without it you
+    drive freely, and get a composed instruction afterwards."""
+    split: str | None = None
+    """Drive only the episodes of this split; all by default."""
+    driver: str = ""
+    """Your name, for the record."""
+    actions: str = VELOCITY
+    """What keys command: velocity, or discrete: steps of 0.25 m and turns of 15°."""
+    light: str = "baked"
+    """Lighting of the page and of the dataset: baked, DL5000, DL300 or CL."""
+    renderer: str = "auto"
+    """Renderer: embree, gl, splat, splat_depth, or auto."""
+    port: int = 0
+    """Port of the page on 127.0.0.1; 0 takes a free one."""
+    open: bool = True
+    """Open the page in the browser (default), or only print its address."""
+    finish: bool = False
+    """Open no page: end the drives of --out that were interrupted where they are, and make the
+    dataset."""
+    out: Path = Path("runs/drive")
+    """Run folder of the drives and their datasets; drives of several commands may share it."""
+    seed: int = 0
+    """Random seed of the places where free drives start."""
+
+    def check(self) -> None:
+        """Raise InputError if a file is missing or an option is out of range."""
+        must_exist(self.episodes)
+        check_numbers(self, 0, "port")
+        check_name("actions", self.actions, (VELOCITY, "discrete"))
+        if self.split and self.episodes is None:
+            raise InputError(f"--split {self.split} needs --episodes")

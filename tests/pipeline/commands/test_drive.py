@@ -1,0 +1,193 @@
+"""`vlnpe drive` as its user meets it: a page, a robot in real time, and a dataset at the end."""
+
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from websockets.exceptions import InvalidStatus
+
+from tests.support.driver import AHEAD, LEFT, Page, start
+from tests.support.runs import tiny_run
+from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.pipeline.engine.ledger import Ledger
+
+pytestmark = [pytest.mark.slow, pytest.mark.chain]
+
+ROBOT = ("--robot", "aliengo")
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of two rooms with instructed episodes."""
+    folder = tmp_path_factory.mktemp("drive")
+    scan = tiny_run.write_scan(folder / "rooms.glb")
+    out = folder / "run"
+    options = ("--min-length-m", "2", "--min-crossings", "0", "--only-episodes")
+    done = tiny_run.vlnpe(
+        "collect", "--scene", scan, "--episodes", 2, *ROBOT, *options, "--out", out
+    )
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+@pytest.fixture(scope="module")
+def driven(prepared: Path) -> Path:
+    """A run with an episode and a free drive; the first one was killed in the middle."""
+    out = prepared.parent / "driven"
+    command = (prepared, *ROBOT, "--out", out, "--driver", "Ada")
+    process, url = start(*command, "--episodes", prepared)
+    page = Page(url)
+    page.until("waits")
+    assert page.state["instruction"]
+    page.hold(AHEAD, 1.5)
+    page.until("waits")
+    pose = page.state["pose"]
+    process.kill()
+    process.communicate()
+    process, url = start(*command, "--episodes", prepared)
+    page = Page(url)
+    page.until("waits")
+    assert page.state["pose"] == pose and "interrupted" in page.state["title"]
+    page.hold(LEFT, 0.5)
+    page.do("undo")
+    page.hold(AHEAD, 0.5)
+    page.do("stop", until="ended")
+    page.do("keep", until="waits")
+    page.do("close")
+    _, text = process.communicate(timeout=300)
+    assert process.returncode == 0, text
+    process, url = start(*command)
+    page = Page(url)
+    page.until("waits")
+    page.hold(AHEAD, 3.0)
+    page.do("stop", until="ended")
+    page.do("keep", until="waits")
+    page.do("close")
+    output, text = process.communicate(timeout=300)
+    assert process.returncode == 0, text
+    assert "human" in output
+    return out
+
+
+def test_drives_are_rollouts_like_any_other(driven: Path, tmp_path: Path) -> None:
+    rollouts = {path.stem: read_rollout(path) for path in driven.glob("rollouts/aliengo/human/*")}
+    assert len(rollouts) == 2
+    for rollout in rollouts.values():
+        assert (rollout.controller, rollout.facts["driver"]) == ("human", "Ada")
+        assert rollout.episode.instruction
+    free = rollouts["free-1"]
+    assert free.end_reason == "success"
+    (given,) = (rollout for name, rollout in rollouts.items() if name != "free-1")
+    assert "undo" in [event.kind for event in given.events]
+    done = tiny_run.vlnpe("verify", driven)
+    assert done.returncode == 0, done.stdout
+    (lerobot,) = (driven / "lerobot").iterdir()
+    facts = json.loads((lerobot / "meta" / "provenance.json").read_text())
+    assert facts["options"]["drivers"] == ["Ada"]
+    for layout in ("navila", "internvla-n1"):
+        done = tiny_run.vlnpe("convert", lerobot, "--to", layout, "--out", tmp_path / layout)
+        assert done.returncode == 0, done.stderr
+
+
+def test_the_report_and_a_mixture_take_them(driven: Path, tmp_path: Path) -> None:
+    done = tiny_run.vlnpe("report", driven)
+    assert done.returncode == 0, done.stderr
+    page = (driven / "report" / "index.html").read_text()
+    assert "human" in page
+    stages = {row.stage for row in Ledger(driven).rows()}
+    assert {
+        "repair",
+        "drive",
+        "instruct",
+        "replay",
+        "render",
+        "export",
+        "mcap",
+        "dataset",
+    } <= stages
+
+
+@pytest.fixture(scope="module")
+def open_page(prepared: Path) -> Iterator[str]:
+    out = prepared.parent / "alone"
+    process, url = start(prepared, *ROBOT, "--out", out)
+    yield url
+    process.terminate()
+    process.communicate()
+
+
+def test_pictures_are_those_of_the_robots_camera(open_page: str) -> None:
+    page = Page(open_page)
+    page.until("waits")
+    page.hold(AHEAD, 1.0)
+    _, jpeg = page.pictures[-1]
+    picture = cv2.imdecode(np.frombuffer(jpeg, np.uint8), cv2.IMREAD_COLOR)
+    assert picture is not None and picture.shape == (256, 256, 3) and picture.std() > 5
+    assert len({data for _, data in page.pictures}) > 3
+    page.close()
+
+
+def test_a_lost_page_stops_the_robot(open_page: str) -> None:
+    page = Page(open_page)
+    page.until("waits")
+    page.hold(AHEAD, 1.0)
+    page._send({"sticks": AHEAD, "number": 1})
+    page.watch(0.2)
+    assert page.state["state"] == "moving"
+    page.close()
+    page = Page(open_page)
+    page.until("waits")
+    assert page.state["command"] == [0, 0, 0]
+    page.close()
+
+
+@pytest.mark.parametrize(
+    "message",
+    ["", "{}", "[1]", '{"do": "rm"}', '{"sticks": [1, "a", 0]}', '{"sticks": [NaN, 0, 0]}'],
+)
+def test_other_messages_end_the_connection(open_page: str, message: str) -> None:
+    page = Page(open_page)
+    page.until("waits")
+    page._socket.send(message)
+    assert page.lost()
+
+
+def test_without_the_token_or_from_elsewhere_nothing_is_served(open_page: str) -> None:
+    with urllib.request.urlopen(open_page) as answer:
+        assert b"vlnpe drive" in answer.read()
+    wrong = open_page[:-1] + ("a" if open_page[-1] != "a" else "b")
+    for url, headers in (
+        (wrong, {}),
+        (open_page.partition("?")[0], {}),
+        (open_page, {"Host": "evil.example"}),
+    ):
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(urllib.request.Request(url, headers=headers))
+    with pytest.raises(InvalidStatus, match="403"):
+        Page(wrong)
+    for origin in ("http://evil.example", None):
+        with pytest.raises(InvalidStatus, match="403"):
+            Page(open_page, origin=origin)
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        (("--robot", "vlnce"), "vlnce has no joints to drive"),
+        (("--robot", "h1,g1"), "one robot"),
+        (("--actions", "jump"), "valid: velocity, discrete"),
+        (("--episodes", "nowhere"), "nowhere"),
+        (("--split", "train"), "needs --episodes"),
+        (("--light", "all"), "one light"),
+    ],
+)
+def test_bad_options(options: tuple[str, ...], reason: str, prepared: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    done = tiny_run.vlnpe("drive", prepared, "--out", out, *options)
+    assert done.returncode == 2 and reason in done.stderr, done.stderr
+    assert not out.exists()
