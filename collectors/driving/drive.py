@@ -63,8 +63,7 @@ class Drive:
         self.controls = controls
         self.run = _episode_run(world, episode, config, controls)
         self.end: EndReason | None = None
-        with warnings_logged():
-            ended = self.run.begin()
+        ended = self.run.begin()
         if ended is not None:
             raise InputError(f"episode {episode.episode_id} cannot be started here: {ended}")
         self._journal = Journal(path, None if header is None else dict(header))
@@ -113,10 +112,6 @@ class Drive:
         self.run.rewind(back)
         self._journal.state(back.tick, state_digest(world))
         self.end = None
-
-    def reset(self) -> None:
-        """Go back to the start."""
-        self.undo(self.time_s + 1.0)
 
     def keep(self, episode: Episode) -> None:
         """Close a drive that has ended, as the walk of `episode`."""

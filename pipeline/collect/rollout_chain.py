@@ -10,6 +10,7 @@ from ...collectors.robots import RobotSpec
 from ...formats.convert.dataset import read_facts
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
+from ...formats.core.rollout import HUMAN
 from ...formats.trainers.registry import LAYOUTS
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import View
@@ -69,6 +70,8 @@ def select_current(
     done = {tuple(row.item.split("/")[:2]) for row in ledger.rows(replay.STAGE)}
     current = {(crew[0].name, replay.label_of(ledger, _walker(run, crew).config)) for crew in pairs}
     for robot, label in sorted(done - current):
+        if label == HUMAN:  # nobody can have a person drive other paths
+            continue
         scope = f"{robot}/{label}/"
         rows = [row for row in ledger.rows(replay.STAGE) if row.item.startswith(scope)]
         try:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ...collectors.controllers import controller_for
+from ...collectors.replay.replay import warnings_logged
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError
 from ...formats.core.rollout import HUMAN
@@ -57,11 +58,12 @@ def run(options: Drive) -> int:
             scenes={name: current.folder.scenes / name for name in scenes},
             episodes=given_episodes(options, scenes) if options.episodes else None,
         )
-        if options.finish:
-            for line in session.finish():
-                sys.stderr.write(f"left as it is: {line}\n")
-        else:
-            session.live()
+        with warnings_logged():
+            if options.finish:
+                for line in session.finish():
+                    sys.stderr.write(f"left as it is: {line}\n")
+            else:
+                session.live()
         drives = drive_items.kept_drives(root)
         if not drives:
             raise InputError(f"{root}: no drive was kept; stop at the end of a way, then keep it")

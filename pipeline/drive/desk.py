@@ -33,6 +33,7 @@ class Desk:
     Attributes:
         controls: what is held.
         drivers: how many pages are open now: one at most.
+        heard: number of the page's last message about sticks.
     """
 
     def __init__(self, controls: Controls) -> None:
@@ -49,11 +50,11 @@ class Desk:
         Raises:
             ValueError: it is neither.
         """
-        value = json.loads(message)
-        match value:
-            case {"sticks": [int() | float() as ahead, int() | float() as left, turn]}:
-                self.controls.hold(float(ahead), float(left), float(turn))
-                self.heard = int(value.get("number", 0))
+        match json.loads(message):
+            case {"sticks": [int() | float(), int() | float(), int() | float()] as sticks, **more}:
+                self.controls.hold(*map(float, sticks))
+                number = more.get("number")
+                self.heard = number if isinstance(number, int) else 0
             case {"do": "stop"}:
                 self.controls.stop()
             case {"do": str() as word} if word in WORDS:

@@ -75,15 +75,18 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
                 return KEPT
             elif word in ("undo", "reset"):
                 before_s = drive.time_s
-                drive.reset() if word == "reset" else drive.undo(UNDO_S)
+                drive.undo(UNDO_S if word == "undo" else before_s)
                 note = f"{before_s - drive.time_s:.1f} s taken back"
                 paused = False
         moved = not paused and drive.step()
         now_s = clock()
-        pace.append((now_s, drive.time_s)) if moved else pace.clear()
+        if moved:
+            pace.append((now_s, drive.time_s))
+        else:
+            pace.clear()
         if now_s >= frame_s:
-            if drawn != (drawn := run.tick):
-                jpeg = encoded(seat.eye.look()[0])
+            if drawn != run.tick:
+                jpeg, drawn = encoded(seat.eye.look()[0]), run.tick
             state = "ended" if drive.end else "paused" if paused else "moving" if moved else "waits"
             shown = _state(seat, field) | {"state": state, "note": note, "pace": _pace(pace)}
             desk.show(jpeg, shown | {"number": desk.heard})

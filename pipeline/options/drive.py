@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
@@ -27,7 +28,7 @@ class Drive(Mounting, Running):
     Example: vlnpe drive runs/home --robot h1 --episodes runs/home --driver Ada --out runs/driven
     """
 
-    scene: tyro.conf.Positional[str]
+    scene: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="SCENE")]
     """Scene to drive in: a run folder or a repaired scene, else what `vlnpe collect --scene` takes:
     a scan, or builtin:villa and the like."""
     robot: str = "h1"

@@ -1,5 +1,6 @@
 """Drives of a person: what is on disk, undo and resumption to the bit."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from tests.support.cart import CartGait, make_cart
 from vlnpe.collectors.driving.controls import SILENCE_S, Controls
 from vlnpe.collectors.driving.drive import Drive, driven_episode, replay_drive, state_digest
 from vlnpe.collectors.driving.journal import read_journal
+from vlnpe.collectors.physics.outcome import OutcomeConfig
 from vlnpe.collectors.replay.config import ReplayConfig
 from vlnpe.collectors.replay.world import World, open_world
 from vlnpe.collectors.robots import get_robot
@@ -54,7 +56,11 @@ class Driver:
     def __init__(self, world: World, episode: Episode, controller: str, path: Path) -> None:
         self.clock = Clock()
         self.controls = Controls(clock=self.clock)
-        self.config = ReplayConfig(robot=world.robot.name, controller=controller)
+        self.config = ReplayConfig(
+            robot=world.robot.name,
+            controller=controller,
+            outcome=OutcomeConfig(timeout_factor=math.inf),
+        )
         header = None if path.is_file() else {"driver": "Ada"}
         self.drive = Drive(world, episode, self.config, self.controls, path, header)
         self.path = path
@@ -190,15 +196,14 @@ def test_a_tap_is_one_action(world: World, episode: Episode, tmp_path: Path) -> 
     assert driver.drive.time_s == 0.25
 
 
-def test_a_fall_can_be_taken_back(two_rooms: SceneBundle, tmp_path: Path) -> None:
-    # Blocked by the wall in front of it, whose other side it wants to reach.
+def test_what_ended_a_drive_can_be_taken_back(two_rooms: SceneBundle, tmp_path: Path) -> None:
     world = open_world(two_rooms, 0, make_cart(), CartGait())
     driver = Driver(
         world, make_episode(two_rooms, start=(3.0, 1.0)), "path", tmp_path / "drive.drive"
     )
     driver.hold(AHEAD, 20.0)
     assert driver.drive.end is EndReason.STUCK
-    driver.drive.reset()
+    driver.drive.undo(driver.drive.time_s)
     assert driver.drive.end is None and driver.drive.time_s == 0.0
     driver.hold(LEFT, 1.0)
     driver.stop()
