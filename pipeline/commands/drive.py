@@ -26,6 +26,7 @@ from ..options.drive import Drive
 from ..report import items as report
 from ..report.gather import robot_rows
 from ..stages.rollouts import drive_items
+from ..stages.scenes import items as repair
 from ..summary import looking_commands, print_stages, robot_table
 
 FRAMES_PER_SECOND = 4
@@ -64,13 +65,12 @@ def run(options: Drive) -> int:
                     sys.stderr.write(f"left as it is: {line}\n")
             else:
                 session.live()
-        drives = drive_items.kept_drives(root)
-        if not drives:
-            raise InputError(f"{root}: no drive was kept; stop at the end of a way, then keep it")
-        page = make_dataset(current, robot, views[0], drives)
-        ledger = context.ledger
-        text = f"{robot_table(robot_rows(ledger))}\n\n{looking_commands(ledger, page)}"
-    return print_stages(options, current.summaries, text, out=str(root), report=str(page))
+        text = "no drive was kept; a drive can be kept once it has ended"
+        if drives := drive_items.kept_drives(root):
+            page = make_dataset(current, robot, views[0], drives)
+            ledger = context.ledger
+            text = f"{robot_table(robot_rows(ledger))}\n\n{looking_commands(ledger, page)}"
+    return print_stages(options, current.summaries, text, drives=len(drives))
 
 
 def make_dataset(run: Run, robot: RobotSpec, view: View, drives: list[drive_items.Driven]) -> Path:
@@ -79,9 +79,8 @@ def make_dataset(run: Run, robot: RobotSpec, view: View, drives: list[drive_item
     by_scene: dict[str, list[drive_items.Driven]] = {}
     for drive in drives:
         by_scene.setdefault(drive.episode.scene_id, []).append(drive)
-    scenes: Mapping[str, Row] = {
-        row.item: row for row in ledger.done("repair") if row.item in by_scene
-    }
+    ledger.select(repair.STAGE, "", by_scene.keys())  # also those of earlier commands
+    scenes: Mapping[str, Row] = {row.item: row for row in ledger.done(repair.STAGE)}
     parts = {scene: folder.episodes(f"driven/{scene}") for scene in by_scene}
     items = [
         drive_items.episode_item(scenes[scene], here, parts[scene])

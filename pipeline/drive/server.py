@@ -70,7 +70,7 @@ class PageServer:
         """Stop listening, and close the open page's connection."""
         self._server.shutdown()
         if self._current is not None:
-            self._current.close()
+            self._current.close(4001, "the session is closed")
         self._thread.join()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:

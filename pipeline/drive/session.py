@@ -157,6 +157,8 @@ class Session:
         walker = drive_items.drive_walker(self.robot, task.header)
         world = self._world(task.episode, walker)
         controls.release()
+        if not task.new:  # what it had when it was left
+            self.run.context.ledger.unrecord([task.path])
         header = task.header if task.new else None
         return Drive(world, task.episode, walker.config, controls, task.path, header), world
 

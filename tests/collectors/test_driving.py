@@ -201,7 +201,7 @@ def test_what_ended_a_drive_can_be_taken_back(two_rooms: SceneBundle, tmp_path: 
     driver = Driver(
         world, make_episode(two_rooms, start=(3.0, 1.0)), "path", tmp_path / "drive.drive"
     )
-    driver.hold(AHEAD, 20.0)
+    driver.hold(AHEAD, 30.0)
     assert driver.drive.end is EndReason.STUCK
     driver.drive.undo(driver.drive.time_s)
     assert driver.drive.end is None and driver.drive.time_s == 0.0

@@ -67,13 +67,13 @@ class Page:
         """Hold the sticks for a time, and let go."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            self._send({"sticks": sticks, "number": 1})
+            self.send({"sticks": sticks, "number": 1})
             self.watch(0.05)
-        self._send({"sticks": NOTHING, "number": 2})
+        self.send({"sticks": NOTHING, "number": 2})
 
     def do(self, word: str, until: str = "") -> dict[str, Any]:
         """Say a word; wait until the state is called `until`, if that is given."""
-        self._send({"do": word})
+        self.send({"do": word})
         end = time.monotonic() + 60
         while until and time.monotonic() < end:
             self.watch(0.05)
@@ -102,5 +102,6 @@ class Page:
             return True
         return False
 
-    def _send(self, value: dict[str, Any]) -> None:
+    def send(self, value: dict[str, Any]) -> None:
+        """Send a message of the page."""
         self._socket.send(json.dumps(value))

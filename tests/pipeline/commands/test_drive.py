@@ -136,7 +136,7 @@ def test_a_lost_page_stops_the_robot(open_page: str) -> None:
     page = Page(open_page)
     page.until("waits")
     page.hold(AHEAD, 1.0)
-    page._send({"sticks": AHEAD, "number": 1})
+    page.send({"sticks": AHEAD, "number": 1})
     page.watch(0.2)
     assert page.state["state"] == "moving"
     page.close()
