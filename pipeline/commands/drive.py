@@ -7,7 +7,7 @@ from pathlib import Path
 from ...collectors.controllers import controller_for
 from ...collectors.replay.replay import warnings_logged
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, MissingExtraError
 from ...formats.core.rollout import HUMAN
 from ...instruction_gen.records import InstructConfig
 from ...rendering.camera.extras import Extras
@@ -17,7 +17,6 @@ from ..collect.rollout_chain import Product, export_walks
 from ..collect.run import Run
 from ..context import open_context
 from ..drive.scenes import chosen_scenes, given_episodes
-from ..drive.session import Session
 from ..engine.ledger import Row
 from ..engine.run_folder import RunFolder
 from ..inputs.crews import chosen_robots, keep
@@ -46,6 +45,10 @@ def run(options: Drive) -> int:
     views = chosen_views("ego", options.light, options.renderer, robots[0], overrides)
     if len(views) != 1:
         raise InputError(f"--light {options.light}: a drive has one light")
+    try:
+        from ..drive.session import Session
+    except ModuleNotFoundError as missing:
+        raise MissingExtraError("vlnpe drive", "view") from missing
     with open_context(options.out, options) as context:
         root = context.ledger.root
         robot = keep(robots[0], root)

@@ -1,36 +1,23 @@
 """The page over HTTP and its WebSocket, on 127.0.0.1, for whoever has the token."""
 
-import hmac
 import json
 import logging
-import secrets
 import threading
 from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import urlsplit
 
-from ...formats.core.errors import InputError, MissingExtraError
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
+from websockets.sync.server import ServerConnection, serve
+
+from ...formats.core.errors import InputError
+from ...viewer.gate import HOST, Gate, text_response
 from .desk import Desk
 
-try:
-    from websockets.datastructures import Headers
-    from websockets.exceptions import ConnectionClosed
-    from websockets.http11 import Request, Response
-    from websockets.sync.server import Server, ServerConnection, serve
-except ModuleNotFoundError as missing:
-    raise MissingExtraError("vlnpe drive", "evaluate") from missing
-
-log = logging.getLogger(__name__)
-
-HOST = "127.0.0.1"
 PAGE = Path(__file__).with_name("page.html")
 LARGEST_MESSAGE_BYTES = 1024
-POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src blob:; "
-    "connect-src 'self'; frame-ancestors 'none'"
-)
 
 
 class PageServer:
@@ -46,12 +33,12 @@ class PageServer:
         Raises:
             InputError: the port cannot be used.
         """
-        self._desk, self._token = desk, secrets.token_urlsafe(24)
+        self._desk, self._gate = desk, Gate()
         self._current: ServerConnection | None = None
         self._seat = threading.Lock()
         logging.getLogger("websockets").setLevel(logging.CRITICAL)  # refusals are no errors
         try:
-            self._server: Server = serve(
+            self._server = serve(
                 self._drive,
                 HOST,
                 port,
@@ -61,8 +48,7 @@ class PageServer:
             )
         except OSError as error:
             raise InputError(f"--port {port}: {error.strerror or error}") from error
-        self.port = int(self._server.socket.getsockname()[1])
-        self.url = f"http://{HOST}:{self.port}/?token={self._token}"
+        self.url = self._gate.url(self._server.socket.getsockname()[1])
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
         self._thread.start()
 
@@ -74,21 +60,16 @@ class PageServer:
         self._thread.join()
 
     def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
-        """Return the page, a refusal, or None for the WebSocket of our own page."""
-        own = f"{HOST}:{self.port}", f"localhost:{self.port}"
-        target = urlsplit(request.path)
-        token = parse_qs(target.query).get("token", [""])[0]
-        if request.headers.get_all("Host") not in ([own[0]], [own[1]]):
-            return _response(HTTPStatus.FORBIDDEN, "another host")
-        if not hmac.compare_digest(token.encode(), self._token.encode()):
-            return _response(HTTPStatus.FORBIDDEN, "a wrong token; use the address as printed")
-        if target.path == "/":
-            return _response(HTTPStatus.OK, PAGE.read_text(encoding="utf-8"), "text/html")
-        if target.path != "/drive":
-            return _response(HTTPStatus.NOT_FOUND, "no such page")
-        if request.headers.get("Origin") not in [f"http://{host}" for host in own]:
-            return _response(HTTPStatus.FORBIDDEN, "another origin")
-        return None
+        """Return the page, a refusal, or None for the page's WebSocket."""
+        if refusal := self._gate.refusal(request):
+            return refusal
+        match urlsplit(request.path).path:
+            case "/":
+                page = PAGE.read_text(encoding="utf-8")
+                return self._gate.served(text_response(HTTPStatus.OK, page, "text/html"))
+            case "/drive":
+                return None
+        return text_response(HTTPStatus.NOT_FOUND, "no such page\n")
 
     def _drive(self, connection: ServerConnection) -> None:
         """Serve a page; a second one takes the place of the first."""
@@ -122,16 +103,3 @@ class PageServer:
                 number = shown.number
                 connection.send(json.dumps(shown.state))
                 connection.send(shown.jpeg)
-
-
-def _response(status: HTTPStatus, text: str, kind: str = "text/plain") -> Response:
-    body = text.encode()
-    headers: dict[str, Any] = {
-        "Content-Type": f"{kind}; charset=utf-8",
-        "Content-Length": str(len(body)),
-        "Content-Security-Policy": POLICY,
-        "Referrer-Policy": "no-referrer",
-        "Cache-Control": "no-store",
-        "Connection": "close",
-    }
-    return Response(status.value, status.phrase, Headers(headers), body)

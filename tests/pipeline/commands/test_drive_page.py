@@ -37,7 +37,7 @@ def _opened(page: Page) -> None:
 
 
 def in_state(page: Page, name: str) -> None:
-    page.wait(f"document.body.dataset.state === '{name}'")
+    page.wait(f"document.body?.dataset.state === '{name}'")
 
 
 def pose(page: Page) -> str:
@@ -83,13 +83,13 @@ def test_buttons_and_keys_stop_take_back_and_keep(page: Page) -> None:
     page.key("z", "KeyZ")
     in_state(page, "waits")
     page.click_on("Start over R")
-    page.wait("document.body.dataset.time === '0'")
+    page.wait("document.body?.dataset.time === '0'")
     page.key("Enter", "Enter")
     in_state(page, "ended")
     first = page.evaluate("document.body.dataset.title")
     page.click_on("Keep K")
     page.wait(
-        f"document.body.dataset.title !== '{first}' && document.body.dataset.state === 'waits'"
+        f"document.body.dataset.title !== '{first}' && document.body?.dataset.state === 'waits'"
     )
 
 
