@@ -24,7 +24,7 @@ JPEG_QUALITY = 85
 KEPT, LEFT = "kept", "left"
 SAID = {
     EndReason.SUCCESS: "Arrived.",
-    EndReason.STOPPED_FAR: "Stopped.",
+    EndReason.STOPPED_FAR: "Stopped, farther than 0.25 m from the goal.",
     EndReason.FALL: "The robot fell.",
     EndReason.STUCK: "Stuck: it got nowhere for a while.",
     EndReason.TIMEOUT: "Out of time: 500 actions.",
@@ -114,10 +114,19 @@ def _state(seat: Seat, field: DistanceField | None) -> dict[str, Any]:
         "pose": [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 3)],
         "speed_m_s": round(run.watch.speed_m_s(), 2),
         "command": [round(value, 3) for value in run.command],
-        "left_m": left_m if left_m is None or not np.isfinite(left_m) else round(left_m, 1),
+        "left_m": left_m if left_m is None or not np.isfinite(left_m) else round(left_m, 2),
         "touched": contacts[-1] if contacts else "",
-        "end": SAID.get(drive.end, str(drive.end)) if drive.end else "",
+        "end": _end(seat),
     }
+
+
+def _end(seat: Seat) -> str:
+    end = seat.drive.end
+    if end is None:
+        return ""
+    if seat.free and end in (EndReason.SUCCESS, EndReason.STOPPED_FAR):
+        return "Stopped."
+    return SAID.get(end, str(end))
 
 
 def _pace(pace: deque[tuple[float, float]]) -> float | None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from ....datasets.mixture.choice import NoEpisodesError
 from ....datasets.mixture.recipe import EVERYTHING, OWN_VIEW, Source
 from ....formats.core.checkout import program
+from ....formats.core.rollout import HUMAN
 from ...engine.ledger import MANIFEST_NAME, Ledger
 from ...options.collect import Collect
 
@@ -27,7 +28,9 @@ def commands_for_missing(data: Path) -> Iterator[None]:
         # Robots that need the same controllers and views are collected together.
         alike: dict[Source, dict[str, Source]] = {}
         for name, source in error.lacking.items():
-            if source.data == EVERYTHING and not (source.splits or source.scenes):
+            if source.data == EVERYTHING and not (
+                source.splits or source.scenes or HUMAN in source.controllers
+            ):
                 others = replace(source, robots=(), outcomes=(), fraction=1.0)
                 alike.setdefault(others, {})[name] = source
         error.hints = tuple(
