@@ -101,7 +101,8 @@ def collect(
     walker = _walker(run, crew)
     label = replay.label_of(run.context.ledger, walker.config)
     walks = _walks(run, episodes, scenes, walker, label)
-    export_walks(run, episodes, walks, scenes, (crew[0], label), views, product, facts)
+    named = (crew[0], label)
+    export_walks(run, episodes, walks, scenes, named, views=views, product=product, facts=facts)
 
 
 def export_walks(
@@ -110,6 +111,7 @@ def export_walks(
     walks: Sequence[WorkItem],
     scenes: Mapping[str, Row],
     crew: Crew,
+    *,
     views: Sequence[View],
     product: Product,
     facts: Mapping[str, Any],
