@@ -31,7 +31,7 @@ $(error unknown variable $(filter-out $(VARIABLES),$(GIVEN)); valid: $(filter-ou
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
+.PHONY: help setup collect view dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
         report verify doctor clean
 
 help:  ## Show this help
@@ -40,7 +40,7 @@ help:  ## Show this help
 	@echo "variables for collect: ROBOT=$(ROBOT) CONTROLLER=$(CONTROLLER) SCENE=$(SCENE) EPISODES=$(EPISODES)"
 	@echo "  CAMERA=$(CAMERA) LIGHT=$(LIGHT) SEED=$(SEED) SCENES=<folder> OUT=<folder> WORKERS=<processes>"
 	@echo "  ARGS=<any other option of vlnpe collect, see vlnpe collect --help>"
-	@echo "Without OUT, evaluate, report and verify take the run runs/apartment-SEED."
+	@echo "Without OUT, evaluate, report, verify and view take the run runs/apartment-SEED."
 
 setup:  ## Install the core environment into .venv (collect does this automatically) [EXTRA=train,… VERBOSE=1]
 	@$(SETUP) core "$(EXTRA)"
@@ -48,6 +48,10 @@ setup:  ## Install the core environment into .venv (collect does this automatica
 collect:  ## Collect a dataset: make collect ROBOT=aliengo [SCENE=scan.glb EPISODES=8 OUT=…]
 	@$(SETUP) core
 	@$(BIN)/vlnpe collect $(COLLECT)
+
+view:  ## Look at a run in the browser: make view [OUT=runs/<name>]
+	@$(SETUP) core view
+	@$(BIN)/vlnpe view "$(or $(OUT),runs/apartment-$(SEED))" $(ARGS)
 
 dataset-bench:  ## Collect the training data of the baselines: make dataset-bench [ROBOT=h1,aliengo CONTROLLER=… TRAIN=40 UNSEEN=10 KINDS=apartment,villa PATHS=36 IMAGE=128 OUT=…]
 	@$(SETUP) core

@@ -12,6 +12,12 @@ from ..rendering.scene.robot_body import geom_colors, visible_geoms
 Color = tuple[int, int, int]
 
 
+def links_of(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the names of a robot-alone model's links that have visible geoms."""
+    bodies = dict.fromkeys(model.geom_bodyid[visible_geoms(model)].tolist())
+    return tuple(model.body(body).name for body in bodies)
+
+
 class RobotNodes:
     """The visible links of a robot, moved together.
 
@@ -48,7 +54,7 @@ class RobotNodes:
             placed = corners @ rotation.reshape(3, 3).T + model.geom_pos[geom]
             colors = parts.setdefault(int(model.geom_bodyid[geom]), {})
             colors.setdefault(color or tuple(own[geom]), []).append(placed)
-        self.links = tuple(model.body(body).name for body in parts)
+        self.links = links_of(model)
         self._nodes = [
             server.scene.add_frame(f"{name}/{link}", show_axes=False) for link in self.links
         ]

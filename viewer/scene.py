@@ -67,23 +67,30 @@ class SceneNodes:
 
 
 def add_scene(
-    api: SceneApi, bundle: SceneBundle, name: str = "/scene", detail: Detail | None = None
+    api: SceneApi,
+    bundle: SceneBundle,
+    name: str = "/scene",
+    detail: Detail | None = None,
+    mesh: VisualMesh | None = None,
 ) -> SceneNodes:
     """Add a scene's triangles or splats under `name`, with the ceilings hidden.
+
+    `mesh` is a part of the scene's to show in its place.
 
     Raises:
         FileFormatError: a texture is missing or damaged.
     """
     detail = detail or Detail()
-    if (bundle.root / SPLATS_NAME).is_file():
+    if mesh is None and (bundle.root / SPLATS_NAME).is_file():
         node = _add_splats(api, bundle, name, detail)
         return SceneNodes((node,), (api.add_frame(f"{name}/none", show_axes=False),), 0, 0)
-    mesh = bundle.visual()
+    mesh = mesh or bundle.visual()
     before = len(mesh.faces)
     if before > detail.faces:
         mesh = simplified(mesh, detail.faces)
         log.warning("%s: %d of %d triangles shown", bundle.scene_id, len(mesh.faces), before)
-    images = _images(bundle, detail)
+    used = {bundle.materials[k].texture for k in np.unique(mesh.face_material)}
+    images = _images(bundle, detail, {path for path in used if path is not None})
     corners = mesh.vertices[mesh.faces]
     center_z, low_z = corners[..., 2].mean(axis=1), corners[..., 2].min(axis=1)
     starts = np.array(bundle.level_floor_z_m)
@@ -179,11 +186,10 @@ def _patches(
     return result
 
 
-def _images(bundle: SceneBundle, detail: Detail) -> dict[str, bytes]:
-    """Return the textures as JPEGs that together have at most `detail.texels`."""
-    paths = sorted({m.texture for m in bundle.materials if m.texture is not None})
+def _images(bundle: SceneBundle, detail: Detail, paths: set[str]) -> dict[str, bytes]:
+    """Return textures as JPEGs that together have at most `detail.texels`."""
     pictures: dict[str, U8] = {}
-    for path in paths:
+    for path in sorted(paths):
         file = bundle.root / path
         raw = np.fromfile(file, dtype=np.uint8) if file.is_file() else np.empty(0, np.uint8)
         picture = cv2.imdecode(raw, cv2.IMREAD_COLOR) if len(raw) else None

@@ -173,5 +173,6 @@ def _show(episodes: Sequence[Episode], job: InstructJob) -> None:
     """Print the map and the texts of episodes."""
     levels, sight = Levels(job.scenes), read_sights(job.seen)
     for episode in episodes:
-        facts = path_facts(episode, levels.of(episode), sight)
-        sys.stdout.write(show_path(episode, facts) + "\n\n")
+        level = levels.of(episode)
+        facts = path_facts(episode, level, sight)
+        sys.stdout.write(show_path(episode, facts, level) + "\n\n")

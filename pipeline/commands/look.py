@@ -1,5 +1,6 @@
 """Commands that inspect a run or this machine: `verify`, `report`, `doctor`."""
 
+import webbrowser
 from contextlib import nullcontext
 from dataclasses import asdict
 
@@ -46,6 +47,8 @@ def run_report(options: Report) -> int:
     folder = RunFolder(options.run.resolve())
     with Workers(1) as workers:
         page = report.write(folder, Context(Ledger.existing(folder.root), workers), [])
+    if options.open:
+        webbrowser.open(page.as_uri())
     return print_result(options, {"report": str(page)}, str(page))
 
 

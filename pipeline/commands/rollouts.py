@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from ...formats.core.errors import FileFormatError, check_name
+from ...formats.core.flags import FlagFile
 from ...formats.video.codecs import check_rgb_codec
 from ...formats.vlnce.groups import group_by_path
 from ...rendering.camera.extras import Extras
@@ -113,11 +114,14 @@ def run_export(options: Export) -> int:
         groups.setdefault(tuple(row.item.split("/")[:3]), {})[row.item] = row
     if not groups:
         raise FileFormatError(options.frames, "contains no rendered episode")
+    flagged = FlagFile(root).flagged() if options.without_flagged else {}
     groups = {
-        group: export.rows_to_export(rows, options.only_success) for group, rows in groups.items()
+        group: export.rows_to_export(rows, options.only_success, flagged)
+        for group, rows in groups.items()
     }
     if not any(groups.values()):
-        raise FileFormatError(options.frames, "contains no successful rendered episode")
+        which = "rendered episode that is not flagged" if flagged else "successful rendered episode"
+        raise FileFormatError(options.frames, f"contains no {which}")
     summaries = []
     with open_context(options.out, options) as context:
         for (robot, controller, view), rows in groups.items():

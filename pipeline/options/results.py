@@ -26,6 +26,8 @@ class Report(Printing):
 
     run: tyro.conf.Positional[Path]
     """Run folder."""
+    open: bool = False
+    """Open the page in the browser."""
 
 
 @dataclass(frozen=True)

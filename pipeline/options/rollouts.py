@@ -65,3 +65,5 @@ class Export(DatasetFormat, Running):
     """Folder of repaired scenes; by default the run's."""
     out: Path = Path("data")
     """Output folder; datasets are written to lerobot/<dataset>/ and mcap/<dataset>/ in it."""
+    without_flagged: bool = False
+    """Leave out walks that were flagged in `vlnpe view`."""

@@ -58,7 +58,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
         robot_rows=robots,
         shared_paths_note=shared_paths_note(ledger),
         left_out=left_out(ledger),
-        touched=_touched(rows),
+        touched=_touched(rows, paths),
         failures=failure_figures(rows, diverged_rows(ledger), pictures.clips),
         datasets=[_dataset(name, picture, ledger) for name, picture in pictures.strips.items()],
         layouts=answer_counts(ledger.done()),
@@ -149,13 +149,14 @@ def _episodes(rows: Sequence[Row], paths: ScenePaths) -> list[dict[str, Any]]:
     ]
 
 
-def _touched(rows: Sequence[Row]) -> dict[str, dict[str, str]]:
-    """Return the ids of the episodes in which an obstacle was touched, by crew and `path_name`."""
-    touched: dict[str, dict[str, str]] = {}
-    for row in rows:
+def _touched(rows: Sequence[Row], paths: ScenePaths) -> dict[str, list[dict[str, str]]]:
+    """Return by crew the episodes in which an obstacle was touched, with the robot's parts."""
+    touched: dict[str, list[dict[str, str]]] = {}
+    for row, track in zip(rows, paths.tracks, strict=True):
         if row.facts["contacts"]:
             crew, _ = row.item.rsplit("/", 1)
-            touched.setdefault(crew, {})[path_name(row)] = row.facts["episode"]
+            entry = {"anchor": path_name(row), "id": row.facts["episode"], "parts": track.touching}
+            touched.setdefault(crew, []).append(entry)
     return touched
 
 

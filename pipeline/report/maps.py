@@ -22,13 +22,17 @@ BAD = "#d1332b"
 # Distinguishable with every colour vision, on wood and on carpet (after Okabe and Ito, 2008).
 COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
+CONTACT = "contact"  # kind of the event at which a part begins to touch an obstacle
 MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
 ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
 
 @dataclass(frozen=True)
 class Track:
-    """Positions (N, 2) world [m] of a robot, and how it ended; `path` is its `path_name`."""
+    """Positions (N, 2) world [m] of a robot, and how it ended; `path` is its `path_name`.
+
+    `touching` says which of its parts touched an obstacle, and when.
+    """
 
     path: str
     episode: Episode
@@ -36,6 +40,7 @@ class Track:
     robot: str
     xy_m: NDArray[np.float64]
     end_reason: str
+    touching: str = ""
 
     @property
     def off_path_m(self) -> float:
@@ -65,7 +70,13 @@ class ScenePaths:
             episodes[path] = rollout.episode
             xy_m = rollout.position_world_m[::TRACK_STEP, :2]
             where = (str(row.facts["scene"]), rollout.robot)
-            tracks.append(Track(path, rollout.episode, *where, xy_m, str(rollout.end_reason)))
+            touches: dict[str, list[str]] = {}
+            for event in rollout.events:
+                if event.kind == CONTACT:
+                    touches.setdefault(event.detail, []).append(f"{event.time_s:.1f}")
+            touching = ", ".join(f"{part} {', '.join(at)} s" for part, at in touches.items())
+            end = str(rollout.end_reason)
+            tracks.append(Track(path, rollout.episode, *where, xy_m, end, touching))
         return ScenePaths(episodes, tuple(tracks))
 
 

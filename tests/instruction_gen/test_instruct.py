@@ -256,7 +256,7 @@ def test_a_shown_path_has_a_title_and_a_legend_of_every_letter_on_its_map(two_ro
     facts = facts_of(EAST, two_rooms)
     texts = ["Leave the kitchen.", "Walk past the sofa."]
     episode = replace(episode_of(EAST), extra={"instructions": texts})
-    title, *lines = show_path(episode, facts).splitlines()
+    title, *lines = show_path(episode, facts, LevelFacts.of(two_rooms, 0)).splitlines()
     assert title == f"e-0: {facts.length_m:.1f} m, kitchen"
     legend, events, *shown = lines[-2 - len(texts) :]
     assert shown == [f"  - {text}" for text in texts]
@@ -264,8 +264,13 @@ def test_a_shown_path_has_a_title_and_a_legend_of_every_letter_on_its_map(two_ro
     meanings = dict(entry.split(" ", 1) for entry in legend.strip().split(", "))
     assert {"S": "start", "*": "path", "G": "goal"}.items() <= meanings.items()
     assert "sofa" in meanings.values()
-    drawn = "".join(lines[: -2 - len(texts)])
-    assert set(drawn) - {" "} == meanings.keys()
+    drawn = "\n".join(lines[: -2 - len(texts)])
+    assert "kitchen" in drawn and "living room" in drawn
+    assert drawn.count("░") > 20  # walls
+    for name in ("kitchen", "living room"):
+        drawn = drawn.replace(name, "")
+    assert set(drawn) - {" ", "\n"} == meanings.keys()
+    lines = drawn.splitlines()
     (sofa,) = (letter for letter, noun in meanings.items() if noun == "sofa")
     row = next(line for line in lines if sofa in line)
     start = next(line for line in lines if "S" in line)

@@ -37,7 +37,7 @@ class Page:
         wanted = next(self._ids)
         self._connection.send(json.dumps({"id": wanted, "method": method, "params": parameters}))
         while True:
-            answer = json.loads(self._connection.recv(timeout=60))
+            answer = json.loads(self._connection.recv(timeout=120))
             if answer.get("method") == "Network.requestWillBeSent":
                 self.requests.append(answer["params"]["request"]["url"])
             if answer.get("id") == wanted:
@@ -78,13 +78,14 @@ class Page:
             at = {"x": x, "y": y, "button": "left", "clickCount": 1}
             self.call("Input.dispatchMouseEvent", type=kind, **at)
 
-    def click_on(self, text: str, tag: str = "button") -> None:
-        """Click on the first visible element of a tag with this text or label."""
+    def click_on(self, text: str) -> None:
+        """Click on the innermost visible element with this text."""
         found = self.wait(
-            f"(() => {{ for (const e of document.querySelectorAll({tag!r})) {{"
-            f" if (e.innerText.trim() === {text!r} || e.ariaLabel === {text!r}) {{"
-            " e.scrollIntoView({block: 'center'}); const b = e.getBoundingClientRect();"
-            " if (b.width) return [b.x + b.width / 2, b.y + b.height / 2]; } } })()"
+            "(() => { let last; for (const e of document.querySelectorAll('body *'))"
+            f" if ((e.innerText || '').trim() === {text!r} && e.getBoundingClientRect().width)"
+            " last = e; if (!last) return; last.scrollIntoView({block: 'center'});"
+            " const b = last.getBoundingClientRect();"
+            " return [b.x + b.width / 2, b.y + b.height / 2] })()"
         )
         self.click(*found)
 
@@ -125,7 +126,7 @@ def chromium(folder: Path, width_px: int = 1180, height_px: int = 800) -> Iterat
         port = port_file.read_text().split()[0]
         new = Request(f"http://127.0.0.1:{port}/json/new?about:blank", method="PUT")
         address = json.loads(urlopen(new, timeout=30).read())["webSocketDebuggerUrl"]
-        with connect(address, max_size=None, proxy=None) as connection:
+        with connect(address, max_size=None, proxy=None, ping_interval=None) as connection:
             page = Page(connection)
             page.call("Page.enable")
             page.call("Network.enable")

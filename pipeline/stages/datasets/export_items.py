@@ -1,6 +1,6 @@
 """Stages `export`, `mcap` and `dataset`: episodes as LeRobot v3 and MCAP."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -63,12 +63,23 @@ class Dataset:
         return Dataset(name, f"{robot}/{controller}/{view}/", *folders)
 
 
-def rows_to_export(frames: Mapping[str, Row], only_success: bool) -> dict[str, Row]:
-    """Return the rows of the render stage that are to be exported, by item."""
-    if not only_success:
-        return dict(frames)
+def rows_to_export(
+    frames: Mapping[str, Row], only_success: bool, flagged: Collection[str] = ()
+) -> dict[str, Row]:
+    """Return the rows of the render stage that are to be exported, by item.
+
+    Args:
+        flagged: walks to leave out, as `FlagFile` names them.
+    """
     good = str(EndReason.SUCCESS)
-    return {name: row for name, row in frames.items() if row.facts["end_reason"] == good}
+    result = {}
+    for name, row in frames.items():
+        robot, controller, _, episode = name.split("/", 3)
+        if f"{robot}/{controller}/{episode}" in flagged:
+            continue
+        if row.facts["end_reason"] == good or not only_success:
+            result[name] = row
+    return result
 
 
 def run(

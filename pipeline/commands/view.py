@@ -1,0 +1,90 @@
+"""`vlnpe view`: a run, an evaluation, a repaired scene or a scan in the browser."""
+
+import contextlib
+import sys
+import threading
+import webbrowser
+from importlib.util import find_spec
+from pathlib import Path
+
+from ...formats.core.atomic import write_bytes
+from ...formats.core.errors import MissingExtraError, UnknownNameError
+from ...formats.core.flags import FlagFile
+from ...formats.scene.bundle import INDEX_NAME, load_bundle
+from ..context import run_single
+from ..inputs.walks import entries_of, run_of
+from ..options.view import View
+from ..stages.scenes import items as repair
+from ..summary import print_result
+
+REPAIRED = Path("runs/view")  # scenes of scans that were looked at
+
+
+def run(options: View) -> int:
+    """Serve the page until interrupted, or write it."""
+    if find_spec("viser") is None:
+        raise MissingExtraError("the viewer", "view")
+    from ...viewer.page import saved_page
+    from ...viewer.server import LocalServer
+
+    scene = _scene_of(options)
+    title = (scene or run_of(options.what)).name
+    with contextlib.closing(_Stopped(LocalServer(f"vlnpe: {title}", options.port))) as holder:
+        server = holder.server
+        player, what = _shown(options, scene, server)
+        if options.save is not None:
+            write_bytes(options.save, saved_page(server, player, title).encode())
+            size = options.save.stat().st_size
+            return print_result(
+                options, {"page": str(options.save), "bytes": size}, f"{options.save}: {what}"
+            )
+        print_result(options, {"url": server.url}, f"{what} at {server.url}")
+        sys.stdout.flush()
+        if options.open:
+            webbrowser.open(server.url)
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait()
+    return 0
+
+
+class _Stopped:
+    def __init__(self, server):
+        self.server = server
+
+    def close(self) -> None:
+        self.server.stop()
+
+
+def _scene_of(options: View) -> Path | None:
+    """Return the repaired scene to show, None for a run; a scan is repaired first."""
+    what = options.what
+    if (what / INDEX_NAME).is_file():
+        return what.resolve()
+    if what.is_dir() or not what.exists():
+        return None
+    out = (options.out or REPAIRED / what.stem).resolve()
+    config = options.repair_config(scene_id=out.name, collision="")
+    run_single(out, repair.STAGE, repair.item(what, out, config))
+    return out
+
+
+def _shown(options: View, scene: Path | None, server):
+    """Fill the page; return its player, if it has one, and what it shows."""
+    if scene is not None:
+        from ...viewer.layers import SceneView
+
+        SceneView(server, load_bundle(scene))
+        return None, scene.name
+    from ...viewer.browser import RunBrowser
+
+    entries = entries_of(options.what)
+    first = entries[0]
+    if options.episode:
+        alike = [e for e in entries if e.name.endswith(options.episode)]
+        if not alike:
+            raise UnknownNameError("episode", options.episode, [e.name for e in entries])
+        first = alike[0]
+    root = run_of(options.what)
+    page = RunBrowser(server, entries, root / "scenes", FlagFile(root))
+    page.show(first)
+    return page.player, f"{len(entries)} walks" if len(entries) > 1 else "1 walk"
