@@ -10,7 +10,7 @@ import numpy as np
 from ....collectors.controllers import controller_for
 from ....collectors.replay.replay import ReplayConfig
 from ....collectors.replay.world import World
-from ....evaluation.dagger import corrected_walk, expert_walk
+from ....evaluation.dagger import corrected_walk
 from ....evaluation.episode import closed_loop
 from ....evaluation.observation import Eye
 from ....evaluation.policies.learned import LearnedPolicy
@@ -19,6 +19,7 @@ from ....formats.core.atomic import write_bytes, write_json
 from ....formats.core.episode import Episode
 from ....formats.core.errors import InputError
 from ....formats.core.progress import progress_bar
+from ....formats.core.rollout import EndReason
 from ....learning.card import Card, View
 from ....learning.checkpoint import Checkpoint, load_checkpoint
 from ....learning.models.registry import Model
@@ -98,7 +99,12 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
     size_px, far_m = planned.config.size_px, planned.view.depth_far_m
 
     def walk(_: int, world: World, eye: Eye, episode: Episode) -> Correction | None:
-        return expert_walk(world, episode, walks.config, eye, size_px=size_px, depth_far_m=far_m)
+        rng = np.random.default_rng(0)
+        end, correction = corrected_walk(
+            world, episode, walks.config, None, eye,
+            expert_share=1.0, rng=rng, size_px=size_px, depth_far_m=far_m,
+        )  # fmt: skip
+        return correction if end is EndReason.SUCCESS else None
 
     files = _walk_files(folder, walks, "augment", walk)
     if not files:
@@ -152,11 +158,17 @@ def _corrections(
     check_made_by(folder, made_by)
     write_json(folder / MADE_BY, made_by)
 
+    size_px, far_m = checkpoint.card.config.size_px, checkpoint.card.view.depth_far_m
+
     def walk(number: int, world: World, eye: Eye, episode: Episode) -> Correction:
-        rng = np.random.default_rng(number)
-        return corrected_walk(
-            world, episode, walks.config, checkpoint, eye, expert_share=expert_share, rng=rng
-        )
+        policy, rng = LearnedPolicy(checkpoint), np.random.default_rng(number)
+        _, correction = corrected_walk(
+            world, episode, walks.config, policy, eye,
+            expert_share=expert_share, rng=rng, size_px=size_px, depth_far_m=far_m,
+        )  # fmt: skip
+        if correction is None:
+            raise InputError(f"episode {episode.episode_id} cannot be started")
+        return correction
 
     return _walk_files(folder, walks, "dagger", walk)
 
