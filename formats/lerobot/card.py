@@ -147,10 +147,7 @@ weights are fetched:
 
 - Start frame: the floor under the base at the first frame, z up, initial yaw 0.
 - Frame t precedes `action[t]`; the last frame's action is STOP with zero motion.
-- Depth is planar z (along the optical axis), valid up to {facts.depth_far_m} m; readings invalid or
-  out of range are 0. {_depth(info)} LeRobot returns millimetres unless it is opened with
-  `depth_output_unit="m"`.
-- {_camera(facts.camera)}
+{_depth(info, facts.depth_far_m)}- {_camera(facts.camera)}
 - Episodes end as they ended: falls and failures are included. `end_reason` in `meta/episodes` tells
   which; only `success` is one. `action.discrete` is what a VLN-CE expert would do at each
   pose; `action_discrete_derived` tells that it was not executed, for the controller is continuous.
@@ -236,15 +233,24 @@ def _features(info: Mapping[str, Any]) -> str:
     )
 
 
-def _depth(info: Mapping[str, Any]) -> str:
-    if info["features"][DEPTH_KEY]["dtype"] == "image":
-        return "Images hold whole millimetres."
-    return (
-        "Videos hold 12-bit codes c without further loss: z = s ((f + s) / s)^(c / 4095) − s with\n"
-        f"  s = {SHIFT_M} m and f = {info['features'][DEPTH_KEY]['info']['video.depth_max']} m. "
-        "Readers that give 8 bits in silence (decord, OpenCV, torchvision)\n"
-        "  lose up to 16 cm: read `gray12le`, e.g. with PyAV."
-    )
+def _depth(info: Mapping[str, Any], far_m: float) -> str:
+    """Return the line on depth; empty for a dataset whose depth LeRobot's tools removed."""
+    depth = info["features"].get(DEPTH_KEY)
+    if depth is None:
+        return ""
+    stored = "Images hold whole millimetres."
+    if depth["dtype"] != "image":
+        stored = (
+            "Videos hold 12-bit codes c without further loss: z = s ((f + s) / s)^(c / 4095) − s\n"
+            f"  with s = {SHIFT_M} m and f = {depth['info']['video.depth_max']} m. "
+            "Readers that give 8 bits in silence (decord, OpenCV, torchvision)\n"
+            "  lose up to 16 cm: read `gray12le`, e.g. with PyAV."
+        )
+    return f"""\
+- Depth is planar z (along the optical axis), valid up to {far_m} m; readings invalid or
+  out of range are 0. {stored} LeRobot returns millimetres unless it is opened with
+  `depth_output_unit="m"`.
+"""
 
 
 def _licences(facts: CardFacts, licences: Mapping[str, str]) -> str:

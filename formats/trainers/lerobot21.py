@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 from .subset import folder_of, write_lines
 from .walks import Walk
 
+# Faster than without a strategy, and 10 % smaller.
+_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE)
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
 
 
@@ -69,7 +71,7 @@ class SceneWriter:
         walk.write_jpegs(shown, [rgb / f"{name}.jpg" for name in names])
         for name, image in zip(names, walk.depths_m(shown), strict=True):
             stored = self.depth.encode(image)
-            data = cv2.imencode(".png", stored, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1]
+            data = cv2.imencode(".png", stored, _PNG)[1]
             (depth / f"{name}.png").write_bytes(data.tobytes())
             yield stored / self.depth.per_metre
 

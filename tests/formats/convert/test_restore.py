@@ -118,6 +118,17 @@ def test_restored_datasets_are_whole(
     assert again.num_episodes == len(EDITS[edit]) and len(again[0]["observation.images.rgb"]) == 3
 
 
+def test_a_dataset_whose_depth_was_removed_restores(original: Path, tmp_path: Path) -> None:
+    from lerobot.datasets.dataset_tools import remove_feature
+    from lerobot.datasets.lerobot_dataset import LeRobotDataset
+
+    whole = LeRobotDataset("vlnpe/set", root=original, video_backend="pyav")
+    remove_feature(whole, "observation.images.depth", tmp_path / "less", "vlnpe/less")
+    assert main(["restore", str(tmp_path / "less"), "--original", str(original)]) == 0
+    assert columns(tmp_path / "less") == columns(original)
+    assert "millimetres" not in (tmp_path / "less" / "README.md").read_text()
+
+
 def test_an_original_without_later_columns_restores(
     edited: dict[str, Path], original: Path, tmp_path: Path
 ) -> None:
