@@ -11,7 +11,7 @@ from ..lerobot.layout import RGB_KEY
 from ..rendered.discrete_steps import DiscreteSteps
 from ..video.codecs import RGB_CODECS
 from ..video.mp4 import write_rgb_video
-from ..video.mux import copy_frames
+from ..video.mux import copy_beginnings
 from ..video.stream import decode_frames
 from .answers import KIND_OF, Answer
 from .subset import Layout, folder_of, write_answers
@@ -44,8 +44,7 @@ class _UniNavid:
         last = len(steps.frame) - 1
         whole = folder / f"{key}_{last}.mp4"
         write_rgb_video(whole, images, VIDEO_RATE, RGB_CODECS["h264"])
-        for step in range(last):
-            copy_frames(whole, folder / f"{key}_{step}.mp4", 0, step + 1)
+        copy_beginnings(whole, [folder / f"{key}_{step}.mp4" for step in range(last)])
 
     def answers(self, actions: NDArray[np.int64]) -> list[Answer]:
         kinds = [KIND_OF[action] for action in actions.tolist()]
