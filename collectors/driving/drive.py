@@ -53,7 +53,8 @@ class Drive:
 
         Args:
             config: with the controller `DISCRETE` for discrete actions; `path` for velocities.
-            header: settings that the journal of a new drive begins with.
+            header: settings that the journal of a new drive begins with; there is none before the
+                first decision.
 
         Raises:
             InputError: the robot stands in an obstacle at the start.
@@ -66,7 +67,8 @@ class Drive:
         ended = self.run.begin()
         if ended is not None:
             raise InputError(f"episode {episode.episode_id} cannot be started here: {ended}")
-        self._journal = Journal(path, None if header is None else dict(header))
+        self._path, self._header = path, header
+        self._journal = Journal(path) if header is None else None
         self.run.on_decision = self._decided
         self._first = self.run.checkpoint()
         self._checkpoints: list[Checkpoint] = []
@@ -96,7 +98,7 @@ class Drive:
         tick = self.run.tick
         if self.end is None and tick % _EVERY == 0 and not self.run.ending.begun:
             if not self.controls.recorded:
-                self._journal.state(tick, state_digest(self.run.world))
+                self._written.state(tick, state_digest(self.run.world))
             self._checkpoints.append(self.run.checkpoint())
             del self._checkpoints[:-_MOST_CHECKPOINTS]
         return True
@@ -104,28 +106,38 @@ class Drive:
     def undo(self, seconds: float) -> None:
         """Go back to the last stored state that is at least so long ago; the first one at most."""
         tick, world = self.run.tick, self.run.world
+        if tick == 0:
+            return
         target = tick - seconds * STATE_RATE_HZ
         self._checkpoints = [c for c in self._checkpoints if c.tick <= target]
         back = self._checkpoints[-1] if self._checkpoints else self._first
-        self._journal.undo(tick, back.tick)
+        self._written.undo(tick, back.tick)
         self.controls.release()
         self.run.rewind(back)
-        self._journal.state(back.tick, state_digest(world))
+        self._written.state(back.tick, state_digest(world))
         self.end = None
 
     def keep(self, episode: Episode) -> None:
         """Close a drive that has ended, as the walk of `episode`."""
         if self.end is None:
             raise ValueError("the drive goes on; it can be kept once it has ended")
-        self._journal.keep({"episode": episode_to_json(episode), "end_reason": str(self.end)})
+        self._written.keep({"episode": episode_to_json(episode), "end_reason": str(self.end)})
 
     def close(self) -> None:
         """Leave the drive as it is, to be gone on with later."""
-        self._journal.close()
+        if self._journal is not None:
+            self._journal.close()
+
+    @property
+    def _written(self) -> Journal:
+        """The journal, begun now if there is none."""
+        if self._journal is None:
+            self._journal = Journal(self._path, self._header)
+        return self._journal
 
     def _decided(self, tick: int, decision: Decision) -> None:
         if tick not in self.controls.recorded:
-            self._journal.decided(tick, decision)
+            self._written.decided(tick, decision)
 
     def _catch_up(self, recording: Recording, path: Path) -> None:
         """Repeat what was decided before."""

@@ -7,7 +7,7 @@ back, the journal has a digest of the simulation's state, against which a replay
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -91,7 +91,7 @@ def _lines(path: Path) -> Iterator[tuple[int, dict[str, Any]]]:
 class Journal:
     """Appends to the journal of a drive."""
 
-    def __init__(self, path: Path, header: dict[str, Any] | None = None) -> None:
+    def __init__(self, path: Path, header: Mapping[str, Any] | None = None) -> None:
         """Begin a journal with a header, or go on with the one in `path`."""
         self.path = path
         if header is not None:

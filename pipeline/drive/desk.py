@@ -32,13 +32,11 @@ class Desk:
 
     Attributes:
         controls: what is held.
-        drivers: how many pages are open now: one at most.
         heard: number of the page's last message about sticks.
     """
 
     def __init__(self, controls: Controls) -> None:
         self.controls = controls
-        self.drivers = 0
         self.heard = 0
         self._words: SimpleQueue[str] = SimpleQueue()
         self._new = threading.Condition()

@@ -78,7 +78,6 @@ class PageServer:
             before.close(4000, "driven from another page")
         with self._seat:
             desk = self._desk
-            desk.drivers += 1
             sender = threading.Thread(target=self._show, args=(connection,), daemon=True)
             sender.start()
             try:
@@ -89,7 +88,6 @@ class PageServer:
             finally:
                 # A lost page stops the robot.
                 desk.controls.release()
-                desk.drivers -= 1
                 sender.join()
 
     def _show(self, connection: ServerConnection) -> None:

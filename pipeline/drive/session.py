@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.ndimage import label
+from skimage.measure import label
 
 from ...collectors.driving.controls import Controls
 from ...collectors.driving.drive import Drive
@@ -32,6 +32,7 @@ from ..stages.rollouts import drive_items
 from ..stages.rollouts.render_job import scene_renderer
 from ..stages.rollouts.replay_items import item_names
 from ..stages.rollouts.replay_job import Walker, open_level
+from ..summary import has_display
 from .desk import Desk
 from .loop import LEFT, Seat, drive_live
 from .server import PageServer
@@ -82,11 +83,11 @@ class Session:
         desk = Desk(Controls())
         server = PageServer(desk, self.options.port)
         sys.stderr.write(f"drive {self.robot.name}: {server.url}\nCtrl-C leaves; Close ends\n")
+        if self.options.open and has_display():
+            webbrowser.open(server.url)
         try:
             for task in self.tasks():
                 drive, world = self._opened(task, desk.controls)
-                if self.options.open and not desk.drivers:
-                    webbrowser.open(server.url)
                 try:
                     seat = Seat(drive, self._eye(world), task.title, free=task.header["free"])
                     if drive_live(seat, desk) == LEFT:
@@ -181,8 +182,8 @@ class Session:
         freemap = load_bundle(self.scenes[scene]).freemap(0)
         rng = random.Random(f"{self.options.seed}/{scene}/{number}")
         grid, free = freemap.grid, freemap.free(self.robot.footprint_radius_m + SPARE_M)
-        regions, count = label(free)
-        if not count:
+        regions = np.asarray(label(free, connectivity=1))
+        if not regions.any():
             raise InputError(f"{scene}: no place is wide enough for {self.robot.name}")
         cells = np.argwhere(regions == np.bincount(regions.ravel())[1:].argmax() + 1)
         x, y = grid.center_of(cells[rng.randrange(len(cells))]).tolist()

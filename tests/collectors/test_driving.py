@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 import pytest
@@ -137,7 +138,8 @@ def test_undo_leaves_the_bits_of_a_drive_that_never_erred(
     assert_equal(undone, straight.rollout())
     events = [event for event in undone.events if event.kind == "undo"]
     assert [event.time_s for event in events] == [2.0, 2.0]
-    assert undone.facts["undone"][0][1] == 2.0
+    first, *_ = cast("list[tuple[float, float]]", undone.facts["undone"])
+    assert first[1] == 2.0
 
 
 @pytest.mark.parametrize("controller", CONTROLLERS)
@@ -169,7 +171,9 @@ def test_time_stands_still_while_nothing_is_asked_for(
 ) -> None:
     driver = Driver(world, episode, "path", tmp_path / "drive.drive")
     driver.hold(NOTHING, 5.0)
+    driver.drive.undo(1.0)
     assert driver.drive.time_s == 0.0
+    assert not driver.path.exists()
     driver.hold(AHEAD, 1.0)
     driver.hold(NOTHING, 5.0)
     assert 1.2 < driver.drive.time_s < 3.6  # until it was at rest
