@@ -10,7 +10,7 @@ from ..collectors.replay.world import World
 from ..formats.core.camera import CameraModel
 from ..formats.core.frames import quat_to_matrix, wrap_angle
 from ..formats.core.rollout import Action
-from ..rendering.camera.mounting import body_for
+from ..rendering.camera.mounting import MountedBody
 from ..rendering.camera.views import View
 from ..rendering.interface import Renderer
 from ..wayfinding.planning import floor_z
@@ -127,11 +127,11 @@ class Eye:
         """Prepare the camera of `world`'s robot.
 
         Args:
-            view: an `ego` view of this robot.
+            view: an `ego` view of this robot, from its own camera or a rig.
             renderer: renderer of the world's scene, made for the view's renderer and light.
         """
         self._world, self._view, self._renderer = world, view, renderer
-        self._body = body_for(world.robot, world.robot.joint_names, view)
+        self._body = MountedBody(world.robot, world.robot.joint_names, view.rig)
         self._looked_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
     def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -168,7 +168,7 @@ class Eye:
     def _view_arguments(self) -> tuple[Any, ...]:
         """Return the arguments of a rendering: camera, position, quaternion, body."""
         state = self._state()
-        position, quat = self._body.camera_pose(self._world.robot.camera.name, *state)
+        position, quat = self._body.eye(*state)
         self._looked_from = np.asarray(position), np.asarray(quat)
         body = self._body.pose(*state) if self._view.shows_robot else None
         return self._view.camera, *self._looked_from, body

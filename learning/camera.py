@@ -1,6 +1,7 @@
 """The camera that a selection's images were taken with."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pyarrow.parquet as pq
 
@@ -8,10 +9,11 @@ from ..datasets.episode_index import DatasetIndex, episode_tables
 from ..datasets.selection import Selection
 from ..formats.core.errors import InputError
 from ..formats.lerobot.layout import DEPTH_KEY
+from ..rendering.camera.rigs import is_rig
 from .card import View
 
 _ALL_DEPTH_M = 1e6  # images of millimetres have no far end
-_COLUMNS = ("camera_width_px", "camera_height_px", "camera_hfov_deg")
+_COLUMNS = ("camera_width_px", "camera_height_px", "camera_hfov_deg", "camera_name")
 
 
 def view_of(selections: Sequence[Selection]) -> View:
@@ -26,6 +28,8 @@ def view_of(selections: Sequence[Selection]) -> View:
         for number in sorted(set(selection.dataset.tolist()))
         for view in _views(selection.datasets[number])
     }
+    if len({view.mount for view in views}) > 1:
+        views = {replace(view, mount=View.mount) for view in views}
     if len(views) != 1:
         sizes = "; ".join(sorted(f"{v.width_px}x{v.height_px}:{v.hfov_deg:g}" for v in views))
         raise InputError(
@@ -49,4 +53,7 @@ def _views(index: DatasetIndex) -> set[View]:
             )
         table = pq.read_table(path, columns=list(_COLUMNS)).to_pydict()
         rows |= set(zip(*(table[name] for name in _COLUMNS), strict=True))
-    return {View(int(w), int(h), float(fov), far_m) for w, h, fov in rows}
+    return {
+        View(int(w), int(h), float(fov), far_m, name if is_rig(name) else View.mount)
+        for w, h, fov, name in rows
+    }

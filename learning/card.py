@@ -29,16 +29,19 @@ class View:
     Attributes:
         width_px, height_px: size of the images as rendered, before they were resized to `size_px`.
         depth_far_m: where the recorded depth ends; 0 beyond.
+        mount: the rig, if all have the same; `ego` is each robot's own camera.
     """
 
     width_px: int
     height_px: int
     hfov_deg: float
     depth_far_m: float
+    mount: str = "ego"
 
-    def camera(self, kind: str) -> str:
-        """Return the camera as an option names it, for example `ego:128x128:90`."""
-        return f"{kind}:{self.width_px}x{self.height_px}:{self.hfov_deg:g}"
+    @property
+    def camera(self) -> str:
+        """The camera as an option names it, for example `ego:128x128:90`."""
+        return f"{self.mount}:{self.width_px}x{self.height_px}:{self.hfov_deg:g}"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,10 @@ from .inputs.episode_file import episodes_of
 from .publish import CARD, ENV, Release, released
 
 EPISODES = "episodes.json.gz"
-VIEW = re.compile(r"ego-(?P<size>\d+x\d+)-(?P<hfov>[\d.]+)deg-(?P<light>\w+)")
+VIEW = re.compile(
+    r"(?P<mount>ego|rig-[\d.]+cm_-?[\d.]+deg(?:-level)?)"
+    r"-(?P<size>\d+x\d+)-(?P<hfov>[\d.]+)deg-(?P<light>\w+)"
+)
 ENV_PY = '''"""Vision-and-language navigation in physics, for LeRobot; vlnpe must be installed."""
 
 from pathlib import Path
@@ -74,7 +77,7 @@ def plan_env(
 
     Raises:
         InputError: If the dataset is not in a run, the split does not exist, a name is not taken by
-            the hub, or the images are not those of the robot's own camera where it is mounted.
+            the hub, or the images are neither those of the robot's own camera nor of a rig.
         FileFormatError: If the dataset or a scene is damaged.
     """
     robot = str(read_info(dataset)["robot_type"])
@@ -83,8 +86,9 @@ def plan_env(
     if view is None:
         raise InputError(
             f"{dataset.name} shows {shown}; valid for --env: a dataset of the robot's own camera "
-            "(ego), neither moved nor turned"
+            "(ego) or of a rig"
         )
+    mount = view["mount"].replace("rig-", "rig:").replace("-level", ":level")
     run = dataset.resolve().parents[1]
     episodes, scenes_folder = episodes_of(run, None, split)
     write_episodes(folder / EPISODES, episodes)
@@ -102,7 +106,7 @@ def plan_env(
         "repo": repo,
         "episodes": EPISODES,
         "robot": f'str(folder / "{FOLDER}" / "{robot}")' if own.is_dir() else f'"{robot}"',
-        "camera": f"ego:{view['size']}:{view['hfov']}",
+        "camera": f"{mount}:{view['size']}:{view['hfov']}",
         "light": view["light"],
     }
     (folder / "env.py").write_text(ENV_PY.format(**facts))

@@ -34,7 +34,7 @@ class VlnpeEnv(HubEnvConfig):
         episodes: Episode file, e.g. runs/<name>/episodes/val_unseen.json.gz.
         scenes: Folder of the repaired scenes, e.g. runs/<name>/scenes.
         robot: Name, or folder of one's own robot.
-        camera: Camera of the training data, with its size and field of view: ego:256x256:90.
+        camera: Camera of the training data, ego or a rig, with size and HFOV: ego:256x256:90.
         light: Lighting of the training data.
         renderer: embree, gl, splat, splat_depth, or auto.
     """
@@ -98,5 +98,5 @@ class VlnpeEnv(HubEnvConfig):
             self.camera, robot, CameraOverrides(), light=self.light, renderer="embree"
         )
         if len(views) != 1 or views[0].kind != "ego":
-            raise InputError(f"--env.camera {self.camera}; valid: ego[:WIDTHxHEIGHT][:HFOV]")
+            raise InputError(f"--env.camera {self.camera}; valid: ego or a rig, with size and HFOV")
         return views[0]

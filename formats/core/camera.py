@@ -16,7 +16,7 @@ class CameraModel:
     """An ideal pinhole camera with square pixels and the principal point at the image centre.
 
     Attributes:
-        name: view name; together with resolution and light it names the output folder.
+        name: kind of view, or the rig's name; with resolution and light it names the folder.
         hfov_deg: horizontal field of view [deg].
     """
 

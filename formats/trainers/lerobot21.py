@@ -52,21 +52,35 @@ class SceneWriter:
     """Writes the episodes of a scene one after the other.
 
     Attributes:
-        suffix: Of the names of the images.
         episodes: Task, rows, end reason and further statistics of those written so far.
+        features: What info.json says of columns and images.
     """
 
     out: Path
     depth: DepthFormat
-    suffix: str = ""
     episodes: list[tuple[str, int, str, Mapping[str, Any]]] = field(default_factory=list)
+    features: dict[str, Any] = field(default_factory=dict)
 
     def write_images(
-        self, walk: Walk, shown: NDArray[np.int64], names: Sequence[str], chunk: str
+        self,
+        walk: Walk,
+        shown: NDArray[np.int64],
+        names: Sequence[str],
+        chunk: str,
+        suffix: str = "",
     ) -> Iterator[NDArray[np.float64]]:
-        """Write the images of the next episode; yield each depth [m] as a reader gets it."""
+        """Write images of the next episode; yield each depth [m] as a reader gets it."""
+        size = [walk.camera.height_px, walk.camera.width_px]
+        self.features |= {
+            f"{RGB}{suffix}": {"dtype": "image", "shape": [*size, 3]},
+            f"{DEPTH}{suffix}": {
+                "dtype": "image",
+                "shape": [*size, 1],
+                "info": self.depth.facts(),
+            },
+        }
         rgb, depth = (
-            folder_of(self.out / "videos" / chunk / f"{key}{self.suffix}") for key in (RGB, DEPTH)
+            folder_of(self.out / "videos" / chunk / f"{key}{suffix}") for key in (RGB, DEPTH)
         )
         walk.write_jpegs(shown, [rgb / f"{name}.jpg" for name in names])
         for name, image in zip(names, walk.depths_m(shown), strict=True):
@@ -107,19 +121,15 @@ class SceneWriter:
         write_lines(meta / "tasks.jsonl", ({"task_index": n, "task": t} for n, t in tasks))
 
     def _write_info(self, walk: Walk, columns: Mapping[str, NDArray[Any]]) -> None:
-        size = [walk.camera.height_px, walk.camera.width_px]
-        features: dict[str, Any] = {
+        self.features |= {
             name: {"dtype": str(values.dtype), "shape": list(values.shape[1:]) or [1]}
             for name, values in columns.items()
         }
-        features[f"{RGB}{self.suffix}"] = {"dtype": "image", "shape": [*size, 3]}
-        facts = {"dtype": "image", "shape": [*size, 1], "info": self.depth.facts()}
-        features[f"{DEPTH}{self.suffix}"] = facts
         info = {
             "codebase_version": "v2.1",
             "robot_type": walk.unit.robot,
             "fps": walk.unit.frames_per_second,
-            "features": features,
+            "features": self.features,
             "camera": walk.camera.to_json(),
         }
         text = json.dumps(info, indent=2) + "\n"

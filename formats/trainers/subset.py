@@ -69,6 +69,7 @@ class Layout:
         depth: Whether it holds depth.
         labels: Whether it takes walks of DAgger, whose actions do not lead to the next frame.
         endings: Whether it says how each episode ended, so that failures can be written.
+        rigs: Whether it holds views of several rigs in one tree.
     """
 
     name: str
@@ -79,6 +80,7 @@ class Layout:
     depth: bool = False
     labels: bool = False
     endings: bool = False
+    rigs: bool = False
 
 
 class Answers(Protocol):
@@ -173,7 +175,8 @@ def folder_of(path: Path) -> Path:
 
 def _origin(source: WalkSource, frames: NDArray[np.int64]) -> dict[str, Any]:
     """Return the line of the sidecar that leads an episode's records back to its source."""
-    columns = Walk.open(source).unit.columns
+    views = [walk.unit.columns for walk in Walk.open_all(source)]
+    columns = {**views[0], "camera_name": ",".join(view["camera_name"] for view in views)}
     named = ("episode_uid", "episode_id", "trajectory_id", "scene_id", "level", "split", "robot")
     named += ("controller", "light", "camera_name", "end_reason", "start_position_world_m")
     named += ("start_yaw_world_rad", "goal_position_world_m", "instruction_episode_ids")

@@ -32,11 +32,13 @@ class WalkSource:
         folder: Folder of the unit.
         key: Name of its images and records, unique in the subset.
         texts: The instructions under which it is trained; at least one.
+        others: Folders of units of the same walk from other rigs.
     """
 
     folder: Path
     key: str
     texts: tuple[str, ...]
+    others: tuple[Path, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,29 @@ class Walk:
     @staticmethod
     def open(source: WalkSource) -> "Walk":
         """Open a unit; raises as `read_episode_unit`."""
-        unit = read_episode_unit(source.folder)
+        return Walk._of(source.folder)
+
+    @staticmethod
+    def open_all(source: WalkSource) -> "list[Walk]":
+        """Open the units of all rigs.
+
+        Raises:
+            FileFormatError: If a unit is damaged, or is of another walk or another kind of camera.
+        """
+        first, *others = walks = [Walk._of(folder) for folder in (source.folder, *source.others)]
+        for walk in others:
+            for name in ("observation.state", "action"):
+                if not np.array_equal(walk.rows[name], first.rows[name]):
+                    raise FileFormatError(walk.unit.folder, f"{name} is not {first.unit.folder}'s")
+            if not np.array_equal(walk.camera.intrinsics, first.camera.intrinsics):
+                raise FileFormatError(
+                    walk.unit.folder, f"its intrinsics are not {first.unit.folder}'s"
+                )
+        return walks
+
+    @staticmethod
+    def _of(folder: Path) -> "Walk":
+        unit = read_episode_unit(folder)
         return Walk(unit, row_arrays(unit.rows()))
 
     @property

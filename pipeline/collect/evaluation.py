@@ -229,12 +229,12 @@ def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, V
     overrides = CameraOverrides(height_m=options.camera_height, pitch_down_deg=options.camera_pitch)
     camera = options.camera
     if card is not None and camera == Evaluate.camera:
-        camera = card.view.camera(camera)
+        camera = card.view.camera
     views = chosen_views(camera, options.light, options.renderer, robot, overrides)
     if len(views) != 1 or views[0].kind != "ego":
         raise InputError(
             f"--camera {options.camera} --light {options.light}: a policy has one camera, the "
-            "robot's own (ego), under one light"
+            "robot's own (ego) or a rig, under one light"
         )
     return robot, controller, views[0]
 
@@ -251,6 +251,7 @@ def _warn_of_other_training(policy: str, card: Card, test: Mapping[str, str]) ->
 def _default_out(options: Evaluate, trial: Trial) -> Path:
     path = trial.policy.checkpoint
     label = f"{path.stem}-{file_digest(path)[:6]}" if path else trial.policy.name
-    name = f"{label}-{trial.robot.name}-{trial.controller}{trial.view.moved}-{options.light}"
+    moved = f"-{trial.view.rig.name}" if trial.view.rig else ""
+    name = f"{label}-{trial.robot.name}-{trial.controller}{moved}-{options.light}"
     base = options.episodes if options.episodes.is_dir() else Path("runs")
     return base / "evaluations" / safe_name(name)

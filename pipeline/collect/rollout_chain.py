@@ -18,7 +18,7 @@ from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..execution.runner import WorkItem
 from ..inputs.crews import Crew, action_timing, robot_of_run
-from ..stages.convert.layout_items import layout_items
+from ..stages.convert.layout_items import group_name, layout_items
 from ..stages.datasets import export_items as export
 from ..stages.datasets.export_job import UnitJob
 from ..stages.datasets.mcap_job import McapJob
@@ -124,10 +124,11 @@ def export_walks(
     """
     folder, ledger, (robot, label) = run.folder, run.context.ledger, crew
     rollouts: dict[str, Row] | None = None
+    datasets = []
     for view in views:
         dataset = export.Dataset.under(folder.root, robot.name, label, view.name)
         renders = partial(_renders, run, robot, scenes, view, product)
-        of_view = f" {view.kind} {view.light}" if len(views) > 1 else ""
+        of_view = f" {view.camera.name} {view.light}" if len(views) > 1 else ""
         exports = partial(
             export.items,
             root=folder.root,
@@ -162,29 +163,38 @@ def export_walks(
             product.language,
         )
         run.summaries.extend(summaries)
-        units = summaries[0].good() if summaries[-1].good() else {}
-        _write_layouts(run, dataset, units, product.also)
+        datasets.append(dataset)
+    _write_layouts(run, datasets, product.also)
 
 
-def _write_layouts(
-    run: Run, dataset: export.Dataset, units: Mapping[str, Row], layouts: Sequence[str]
-) -> None:
-    """Write the layouts of trainers from the units of a dataset; those not in `layouts` lapse."""
+def _write_layouts(run: Run, datasets: Sequence[export.Dataset], layouts: Sequence[str]) -> None:
+    """Write the layouts of trainers from the units of datasets; those not in `layouts` lapse.
+
+    A layout that joins rigs takes those of earlier commands, too.
+    """
+    ledger, root = run.context.ledger, run.folder.root
+    good = {row.item for row in ledger.done(export.DATASET_STAGE)}
+    units: dict[str, dict[str, Row]] = {}
+    for row in ledger.done(export.STAGE):
+        units.setdefault("-".join(row.item.split("/")[:3]), {})[row.item] = row
     for layout in LAYOUTS:
-        scope = f"{dataset.name}/"
-        if layout not in layouts or not units:
-            run.context.ledger.select(layout, scope, ())
-            continue
-        facts, root = read_facts(dataset.lerobot), run.folder.root
-        held_out = facts.provenance.get("held_out_scenes", ())
-        how: dict[str, Any] = {"held_out": held_out, "licence": facts.licence}
-        try:
-            items = layout_items(layout, units, root, dataset.name, **how)
-        except InputError as error:  # the run itself is whole
-            log.warning("--also %s: %s", layout, error)
-            items = []
-        run.stage(layout, items, scope)
-        run.context.ledger.discard(layout, scope)
+        groups = {group_name(layout, dataset.name): dataset for dataset in datasets}
+        for group, dataset in groups.items():
+            members = sorted(n for n in good & {*units} if group_name(layout, n) == group)
+            rows = {item: row for name in members for item, row in units[name].items()}
+            if layout not in layouts or not rows:
+                ledger.select(layout, f"{group}/", ())
+                continue
+            facts = read_facts(dataset.lerobot.with_name(members[0]))
+            held_out = facts.provenance.get("held_out_scenes", ())
+            how: dict[str, Any] = {"held_out": held_out, "licence": facts.licence}
+            try:
+                items = layout_items(layout, rows, root, group, **how)
+            except InputError as error:  # the run itself is whole
+                log.warning("--also %s: %s", layout, error)
+                items = []
+            run.stage(layout, items, f"{group}/")
+            ledger.discard(layout, f"{group}/")
 
 
 def _renders(

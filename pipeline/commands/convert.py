@@ -31,12 +31,8 @@ def run_convert(options: Convert) -> int:
         raise InputError(f"--from {options.from_}: {options.source} has the format {kinds[0]}")
     if kinds == [target]:
         raise InputError(f"{options.source} already has the format {target}; choose another --to")
-    summaries, written = [], []
     with open_context(options.out, options) as context:
-        for source in sources:
-            done, paths = convert.run(context, source, target, chosen, choice)
-            summaries += done
-            written += paths
+        summaries, written = convert.run(context, sources, target, chosen, choice)
     rows = [row for summary in summaries for row in summary.good().values()]
     lines = [
         line

@@ -47,9 +47,13 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     """Accept VLN-CE paths whose goal is moved farther out of collision than their start, instead of
     rejecting them."""
     camera: str = "ego"
-    """Cameras to render: ego, chase, top, or a comma-separated list (ego,chase), each with an
-    optional size [px] and horizontal field of view [deg] (ego:640x480:79, ego:64x64, ego:79). Each
-    camera becomes a separate dataset."""
+    """Cameras to render: ego (the robot's own), chase, top, a rig, or a comma-separated list
+    (ego,chase), each with an optional size [px] and horizontal field of view [deg]
+    (ego:640x480:79, ego:64x64, ego:79). A rig has a height above the standing floor and a downward
+    pitch (rig:125cm_30deg) and sways with the body unless it is level (rig:125cm_30deg:level); it
+    does not see the robot. Presets: rig:n1 (125 cm at 0, 30 and 45 deg, 60 cm at 15 and 30 deg),
+    rig:navdp (25 cm and 50 cm at 0 deg, 75 cm at 15 deg, 100 cm and 125 cm at 30 deg). Each camera
+    becomes a separate dataset."""
     collision: Path | None = None
     """Mesh, USD stage or InteriorGS' occupancy.png to use as the surface of Gaussian splats."""
     allow_unsound: bool = False

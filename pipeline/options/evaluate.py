@@ -44,8 +44,8 @@ class Evaluate(DiscreteActions, Mounting, Running):
     limit: int | None = None
     """Maximum number of episodes; the first ones are evaluated."""
     camera: str = "ego"
-    """Camera of the policy, with an optional size and field of view (ego:224x224:79); a learned
-    policy defaults to the camera of its training data."""
+    """Camera of the policy: ego, or a rig (rig:125cm_30deg), with an optional size and field of
+    view (ego:224x224:79); a learned policy defaults to the camera of its training data."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"
@@ -117,8 +117,8 @@ class Dagger(DiscreteActions, Mounting, Running):
     limit: int | None = None
     """Maximum number of episodes; the first ones are walked."""
     camera: str = "ego"
-    """Camera of policy and data, with an optional size and field of view (ego:224x224:79); a
-    learned policy defaults to the camera of its training data."""
+    """Camera of policy and data: ego, or a rig (rig:125cm_30deg), with an optional size and field
+    of view (ego:224x224:79); a learned policy defaults to the camera of its training data."""
     light: str = "baked"
     """Lighting: baked, DL5000, DL300 or CL."""
     renderer: str = "auto"

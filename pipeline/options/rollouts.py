@@ -39,8 +39,8 @@ class Render(Drawing, Running):
     out: Path = Path("frames")
     """Output folder; frames are written to <robot>/<controller>/<view>/<episode>/ in it."""
     camera: str = "ego"
-    """Cameras: ego (the robot's own camera), chase, top, or a comma-separated list (ego,chase),
-    each with an optional size and field of view (ego:640x480:79)."""
+    """Cameras: ego (the robot's own), chase, top, a rig, or a comma-separated list (ego,rig:n1),
+    each with an optional size and field of view (ego:640x480:79); see `vlnpe collect`."""
     width_px: int | None = None
     """Image width [px]; defaults to the camera's own."""
     height_px: int | None = None

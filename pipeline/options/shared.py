@@ -98,10 +98,10 @@ class Mounting:
     """Pose of the robot's own camera."""
 
     camera_height: float | None = None
-    """Height of the robot's own camera above the floor [m], standing; defaults to the robot's. A
-    moved camera does not see the robot's body."""
+    """Height of the camera ego above the floor [m]: 1.25 with --camera-pitch 30 is the same as
+    --camera rig:125cm_30deg. Defaults to the robot's own."""
     camera_pitch: float | None = None
-    """Downward tilt of the robot's own camera [deg]; defaults to the robot's."""
+    """Downward tilt of the camera ego [deg]. Defaults to the robot's own."""
 
 
 @dataclass(frozen=True, kw_only=True)

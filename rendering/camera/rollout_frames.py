@@ -11,8 +11,9 @@ from ...formats.core.rollout import Rollout
 from ..frame import Frame, Pose
 from ..interface import Renderer
 from ..light.lights import get_light
-from ..scene.robot_body import RobotBody, RobotGeometryPose
-from .mounting import body_for
+from ..scene.robot_body import RobotGeometryPose
+from .mounting import MountedBody
+from .rigs import Rig
 from .views import VIEWS, CameraPath, Shot, View
 
 Picture = tuple[U8, F32]
@@ -29,7 +30,7 @@ class RolloutFrames:
 
     rollout: Rollout
     view: View
-    body: RobotBody
+    body: MountedBody
     sample_index: I64
     path: CameraPath
     lamp: str | None = None
@@ -61,7 +62,7 @@ class RolloutFrames:
                 f"not {renderer.name} with {renderer.light}"
             )
         robot = robot or get_robot(rollout.robot)
-        body = _body(robot, tuple(rollout.joint_names), view)
+        body = _body(robot, tuple(rollout.joint_names), view.rig)
         shot = Shot(rollout, samples, view.camera, robot, body, renderer)
         kind = VIEWS[view.kind]
         carried = get_light(view.light).lamp > 0 and not kind.onboard
@@ -97,5 +98,5 @@ class RolloutFrames:
 
 # Tessellating a body, and building its ray structures, takes as long as drawing four frames.
 @functools.lru_cache(maxsize=4)
-def _body(robot: RobotSpec, joint_names: tuple[str, ...], view: View) -> RobotBody:
-    return body_for(robot, joint_names, view)
+def _body(robot: RobotSpec, joint_names: tuple[str, ...], rig: Rig | None) -> MountedBody:
+    return MountedBody(robot, joint_names, rig)

@@ -3,6 +3,7 @@
 import queue
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -102,8 +103,7 @@ def render_rollout(
         "robot": rollout.robot,
         "controller": rollout.controller,
         "view": view.name,
-        "camera_height_m": view.height_m,
-        "camera_pitch_down_deg": view.pitch_down_deg,
+        "rig": asdict(view.rig) if view.rig else None,
         "kind": view.kind,
         "renderer": view.renderer,
         "light": view.light,

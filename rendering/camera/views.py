@@ -1,4 +1,4 @@
-"""Views of a rollout: from the robot's own camera, from behind it, from above."""
+"""Views of a rollout: from the robot's own camera or a rig, from behind it, from above."""
 
 import re
 from collections.abc import Callable
@@ -13,8 +13,9 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.core.frames import matrix_to_quat
 from ...formats.core.rollout import Rollout
 from ..interface import Renderer
-from ..scene.robot_body import RobotBody
 from .chase import chase_poses
+from .mounting import MountedBody, own_rig
+from .rigs import LEVEL, RIG_NAMES, Rig, is_rig, parse_rigs
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class Shot:
     samples: I64
     camera: CameraModel
     robot: RobotSpec
-    body: RobotBody
+    body: MountedBody
     renderer: Renderer
 
 
@@ -65,43 +66,31 @@ class View:
 
     Attributes:
         kind: key of `VIEWS`.
-        height_m: height of an `ego` camera above the floor of the standing robot; None = the
-            robot's own.
-        pitch_down_deg: its downward tilt [deg]; None = the robot's own.
+        rig: where an `ego` camera is mounted; None = the robot's own place.
     """
 
     kind: str
     camera: CameraModel
     light: str = "baked"
     renderer: str = "embree"
-    height_m: float | None = None
-    pitch_down_deg: float | None = None
+    rig: Rig | None = None
 
     @property
     def name(self) -> str:
-        """Folder name: kind, resolution, field of view, moved camera, and light."""
+        """Folder name: kind or rig, resolution, field of view, and light."""
         c = self.camera
-        size = f"{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg"
-        return f"{self.kind}-{size}{self.moved}-{self.light}"
-
-    @property
-    def moved(self) -> str:
-        """Part of the name that tells height and pitch; empty for the robot's own."""
-        height = "" if self.height_m is None else f"-{self.height_m:g}m"
-        return height + ("" if self.pitch_down_deg is None else f"-pitch{self.pitch_down_deg:g}")
+        mount = self.rig.name.replace(":", "-") if self.rig else self.kind
+        return f"{mount}-{c.width_px}x{c.height_px}-{c.hfov_deg:g}deg-{self.light}"
 
     @property
     def shows_robot(self) -> bool:
-        """Whether the robot's body is drawn; a camera moved off its mount may stand inside it."""
-        return self.height_m is None
+        """Whether the robot's body is drawn; a rig may stand inside it, and sees none of it."""
+        return self.rig is None
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOverrides:
-    """Intrinsics and mounting in place of those of a view kind; None = the kind's default.
-
-    Height and pitch are those of `View`, and move `ego` cameras only.
-    """
+    """Intrinsics in place of those of a view kind, and a mounting of `ego`; None = the default."""
 
     width_px: int | None = None
     height_px: int | None = None
@@ -109,14 +98,15 @@ class CameraOverrides:
     height_m: float | None = None
     pitch_down_deg: float | None = None
 
-    def check(self) -> None:
-        """Raise InputError if the camera cannot be mounted like that."""
-        if self.height_m is not None and not 0.05 <= self.height_m <= 3.0:
-            raise InputError(f"camera height {self.height_m:g} m; valid: 0.05 to 3")
-        if self.pitch_down_deg is not None and not -90.0 <= self.pitch_down_deg <= 90.0:
-            raise InputError(
-                f"camera pitch {self.pitch_down_deg:g}°; valid: -90 (up) to 90 (straight down)"
-            )
+    def rig(self, robot: RobotSpec) -> Rig | None:
+        """Return the rig that replaces the robot's own camera, if any; one value may be its own."""
+        if self.height_m is None and self.pitch_down_deg is None:
+            return None
+        own = own_rig(robot)
+        return Rig(
+            own.height_m if self.height_m is None else self.height_m,
+            own.pitch_down_deg if self.pitch_down_deg is None else self.pitch_down_deg,
+        )
 
 
 def make_view(
@@ -128,12 +118,11 @@ def make_view(
     hfov_deg: float | None = None,
     light: str = "baked",
     renderer: str = "embree",
-    height_m: float | None = None,
-    pitch_down_deg: float | None = None,
+    rig: Rig | None = None,
 ) -> View:
     """Return a view of kind `kind` of a robot or its name; None = the kind's default.
 
-    Height and pitch move `ego` cameras only.
+    A rig is for `ego` only.
 
     Raises:
         UnknownNameError: no such kind or robot; the message lists the valid names.
@@ -142,13 +131,12 @@ def make_view(
     spec = get_robot(robot) if isinstance(robot, str) else robot
     default = VIEWS[kind].default_camera(spec)
     camera = CameraModel(
-        name=kind,
+        name=rig.name if rig else kind,
         width_px=default.width_px if width_px is None else width_px,
         height_px=default.height_px if height_px is None else height_px,
         hfov_deg=default.hfov_deg if hfov_deg is None else hfov_deg,
     )
-    mounting = (height_m, pitch_down_deg) if kind == "ego" else (None, None)
-    return View(kind, camera, light, renderer, *mounting)
+    return View(kind, camera, light, renderer, rig)
 
 
 def chase_view(renderer: Renderer, width_px: int, height_px: int) -> View:
@@ -158,45 +146,54 @@ def chase_view(renderer: Renderer, width_px: int, height_px: int) -> View:
 
 
 CHASE = CameraModel("chase", 640, 480, 75.0)
-CAMERA = re.compile(r"(?P<kind>[a-z_]+)(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>[\d.]+))?")
+CAMERA = re.compile(
+    rf"(?P<mount>rig:[^:]+(:{LEVEL})?|[a-z_]+)"
+    r"(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>\d+(\.\d+)?))?"
+)
 MAX_SIDE_PX = 8192
 
 
 def parse_views(
     text: str, robot: str | RobotSpec, defaults: CameraOverrides, *, light: str, renderer: str
 ) -> list[View]:
-    """Parse views like `ego,chase:640x480,top:480x480:50`: kind, size [px], horizontal FOV [deg].
+    """Parse views like `ego,rig:n1,chase:640x480,top:480x480:50`: kind, size [px], HFOV [deg].
 
     Args:
-        text: one or more cameras, separated by commas.
+        text: one or more cameras, separated by commas; a preset of rigs is several.
         defaults: intrinsics of cameras that do not specify their own, height and pitch of `ego`.
 
     Raises:
-        UnknownNameError: no such kind or robot; the message lists the valid names.
+        UnknownNameError: no such kind, rig or robot; the message lists the valid names.
         InputError: a camera cannot be parsed, has a size that video codecs do not support, cannot
-            be mounted as `defaults` has it, or is given twice.
+            be mounted so, or is given twice.
     """
-    defaults.check()
-    views = []
-    for word in text.split(","):
-        match = CAMERA.fullmatch(word.strip())
+    spec = get_robot(robot) if isinstance(robot, str) else robot
+    moved, views = defaults.rig(spec), []
+    for word in map(str.strip, text.split(",")):
+        match = CAMERA.fullmatch(word)
         if match is None:
             raise InputError(
-                f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79"
+                f"camera {word!r}; valid: KIND[:WIDTHxHEIGHT][:HFOV], e.g. ego:640x480:79 or "
+                "rig:125cm_30deg:level:640x480"
             )
-        view = make_view(
-            match["kind"],
-            robot,
-            width_px=int(match["width"]) if match["width"] else defaults.width_px,
-            height_px=int(match["height"]) if match["height"] else defaults.height_px,
-            hfov_deg=float(match["hfov"]) if match["hfov"] else defaults.hfov_deg,
-            light=light,
-            renderer=renderer,
-            height_m=defaults.height_m,
-            pitch_down_deg=defaults.pitch_down_deg,
-        )
-        views.append(view)
-        camera = view.camera
+        kind, rigs = match["mount"], [moved if match["mount"] == "ego" else None]
+        if is_rig(kind):
+            kind, rigs = "ego", parse_rigs(kind)
+        check_name("camera", kind, (*VIEWS, *RIG_NAMES))
+        views += [
+            make_view(
+                kind,
+                spec,
+                width_px=int(match["width"]) if match["width"] else defaults.width_px,
+                height_px=int(match["height"]) if match["height"] else defaults.height_px,
+                hfov_deg=float(match["hfov"]) if match["hfov"] else defaults.hfov_deg,
+                light=light,
+                renderer=renderer,
+                rig=rig,
+            )
+            for rig in rigs
+        ]
+        camera = views[-1].camera
         for side in (camera.width_px, camera.height_px):
             if side % 2 or not 16 <= side <= MAX_SIDE_PX:
                 raise InputError(
@@ -208,13 +205,14 @@ def parse_views(
     names = [view.name for view in views]
     if len(set(names)) < len(names):
         raise InputError(f"camera {text!r} contains a view twice; valid: each view once")
+    if moved and not any(view.rig is moved for view in views):
+        raise InputError(f"camera {text!r} is not moved by a height or pitch; valid: ego")
     return views
 
 
 def _ego_path(shot: Shot) -> CameraPath:
     poses = [
-        shot.body.camera_pose(
-            shot.robot.camera.name,
+        shot.body.eye(
             shot.rollout.position_world_m[i],
             shot.rollout.quat_wxyz[i],
             shot.rollout.joint_position_rad[i],

@@ -81,8 +81,7 @@ def _resized(view: View, robot: RobotSpec, renderer: Renderer) -> View:
         hfov_deg=camera.hfov_deg,
         light=renderer.light,
         renderer=renderer.name,
-        height_m=view.height_m,
-        pitch_down_deg=view.pitch_down_deg,
+        rig=view.rig,
     )
 
 

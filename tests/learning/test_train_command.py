@@ -44,7 +44,7 @@ def test_from_recipe_to_checkpoint_chosen_in_closed_loop(
     assert {"loss", "train action", "train constant", "SR", "OS"} <= set(rows[0])
     card, _ = read_card(out / "cma.safetensors")
     assert card.steps == result["step"] and card.recipe["mixture"] == "walks"
-    assert card.view.camera("ego") == "ego:48x48:90"
+    assert card.view.camera == "ego:48x48:90"
     assert card.data[0]["episodes"] == 2 and card.controllers == ("flash",)
     before = (out / "cma.safetensors").stat().st_mtime_ns
     assert main(call) == 0  # finished: nothing is trained again

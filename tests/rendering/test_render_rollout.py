@@ -55,45 +55,6 @@ def rollout() -> Rollout:
     return glide([[1.0, 1.0], [2.0, 2.0], [5.0, 2.0], [7.0, 3.0]])
 
 
-@pytest.mark.parametrize("robot", ["h1", "aliengo", "vlnce"])
-def test_a_camera_moves_to_its_height_and_pitch_and_stays_where_it_is_otherwise(
-    renderer: Renderer, robot: str
-) -> None:
-    standing = glide([[1.0, 1.0], [2.0, 1.0]], robot)
-    first = np.array([0])
-
-    def pose(**mounting: Any) -> tuple[np.ndarray, float]:
-        view = make_view("ego", robot, width_px=32, height_px=32, **mounting)
-        plan = RolloutFrames.plan(renderer, standing, view, first)
-        forward = quat_to_matrix(plan.path.quat_wxyz[0])[:, 2]
-        assert abs(forward[1]) < 1e-6  # along the heading, +x
-        return plan.path.position_world_m[0], float(np.degrees(np.arcsin(-forward[2])))
-
-    own, own_pitch = pose()
-    high, pitch = pose(height_m=1.8)
-    np.testing.assert_allclose(high, [*own[:2], 1.8], atol=1e-9)
-    assert pitch == pytest.approx(own_pitch)
-    tilted, pitch = pose(pitch_down_deg=30.0)
-    np.testing.assert_allclose(tilted, own, atol=1e-9)
-    assert pitch == pytest.approx(30.0)
-    both, pitch = pose(height_m=0.5, pitch_down_deg=-10.0)
-    assert (both[2], pitch) == (pytest.approx(0.5), pytest.approx(-10.0))
-
-
-def test_a_moved_camera_is_another_view_and_bad_mountings_are_refused() -> None:
-    def views(**mounting: Any) -> list[View]:
-        overrides = CameraOverrides(**mounting)
-        return parse_views("ego:32x32,top", "h1", overrides, light="baked", renderer="embree")
-
-    ego, top = views(height_m=1.2, pitch_down_deg=20)
-    assert ego.name == "ego-32x32-90deg-1.2m-pitch20-baked"
-    assert (top.height_m, top.pitch_down_deg) == (None, None)
-    with pytest.raises(InputError, match=r"camera height 9 m; valid: 0\.05 to 3"):
-        views(height_m=9.0)
-    with pytest.raises(InputError, match="camera pitch 120"):
-        views(pitch_down_deg=120.0)
-
-
 @pytest.mark.parametrize("kind", sorted(VIEWS))
 @pytest.mark.parametrize("rate", [4, 5])
 def test_a_view_is_written_whole(
@@ -266,7 +227,7 @@ def test_cameras_say_their_size_and_field_of_view() -> None:
         ("ego:wide", "valid: KIND"),
         ("", "valid: KIND"),
         ("ego,ego", "twice"),
-        ("drone", "valid: chase, ego, top"),
+        ("drone", "valid: chase, ego, rig:125cm_30deg, rig:n1, rig:navdp, top"),
     ],
 )
 def test_unusable_cameras_are_refused(text: str, reason: str) -> None:

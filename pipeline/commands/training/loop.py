@@ -57,7 +57,7 @@ def _round(
     (robot,) = chosen_robots(options.robot)
     controller_for(robot, options.controller)
     light = lights[0] if len(lights) == 1 else "baked"
-    (view,) = chosen_views(seen.camera("ego"), light, "auto", robot, CameraOverrides())
+    (view,) = chosen_views(seen.camera, light, "auto", robot, CameraOverrides())
     config = ReplayConfig(robot=options.robot, controller=options.controller)
     return Round(episodes, scenes, view, closed_loop(config))
 

@@ -1,7 +1,7 @@
 """Stages `lerobot`, `mcap` and `n1`: recorded episodes from one format to another."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from ....formats.convert.episodes import joint_facts, unit_dataset
@@ -23,7 +23,7 @@ from .jobs import (
     UnitsDatasetJob,
     source_note,
 )
-from .layout_items import Choice, check_source, layout_items
+from .layout_items import Choice, check_source, group_name, layout_items
 from .source import UNIT_STAGE, Source, unit_items
 
 log = logging.getLogger(__name__)
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 def run(
     context: Context,
-    source: Source,
+    sources: Sequence[Source],
     target: str,
     options: Options,
     choice: Choice,
@@ -42,34 +42,45 @@ def run(
         target: One of `Kind` or of `LAYOUTS`.
 
     Raises:
-        InputError: the source is unusable, or holds several robots.
+        InputError: a source is unusable, or holds several robots.
     """
     root = context.ledger.root
     summaries, written = [], []
-    for name, items in unit_items(source, root / "units", options).items():
-        units = run_stage(context, UNIT_STAGE, items, f"{name}/", required=True)
-        summaries.append(units)
-        rows = dict(sorted(units.good().items()))
-        _check_alike(rows)
-        first = next(iter(rows.values()))
-        check_source(target, name, read_episode_unit(root / first.outputs[0]))
-        _warn_of_doubts(rows)
-        folder = root / target / name
-        if target in LAYOUTS:
-            last = layout_items(target, rows, root, name, choice)
-        elif target == Kind.LEROBOT:
-            last = [_dataset_item(rows, root, folder, name, source, options)]
-        elif target == Kind.MCAP:
-            last = _mcap_items(rows, root, folder)
-        else:
-            last = _scene_items(rows, root, folder, name, options)
-            context.ledger.record([folder / layout.VOCABULARY_NAME])
-        done = run_stage(context, target, last, f"{name}/")
+    groups: dict[str, dict[str, Row]] = {}
+    for source in sources:
+        for name, items in unit_items(source, root / "units", options).items():
+            units = run_stage(context, UNIT_STAGE, items, f"{name}/", required=True)
+            summaries.append(units)
+            rows = dict(sorted(units.good().items()))
+            _check_alike(rows)
+            first = next(iter(rows.values()))
+            check_source(target, name, read_episode_unit(root / first.outputs[0]))
+            _warn_of_doubts(rows)
+            if target in LAYOUTS:
+                groups.setdefault(group_name(target, name), {}).update(rows)
+                continue
+            folder = root / target / name
+            if target == Kind.LEROBOT:
+                last = [_dataset_item(rows, root, folder, name, source, options)]
+            elif target == Kind.MCAP:
+                last = _mcap_items(rows, root, folder)
+            else:
+                last = _scene_items(rows, root, folder, name, options)
+                context.ledger.record([folder / layout.VOCABULARY_NAME])
+            summaries.append(_finish(context, target, name, last))
+            written.append(folder)
+    for name, rows in groups.items():
+        done = _finish(context, target, name, layout_items(target, rows, root, name, choice))
         summaries.append(done)
-        context.ledger.discard(target, f"{name}/")
-        outputs = sorted({root / o for row in done.good().values() for o in row.outputs})
-        written += outputs if target in LAYOUTS else [folder]
+        written += sorted({root / o for row in done.good().values() for o in row.outputs})
     return summaries, written
+
+
+def _finish(context: Context, target: str, name: str, items: Sequence[WorkItem]) -> StageSummary:
+    """Write what a dataset, or a group of them, is converted to."""
+    summary = run_stage(context, target, items, f"{name}/")
+    context.ledger.discard(target, f"{name}/")
+    return summary
 
 
 def _check_alike(rows: Mapping[str, Row]) -> None:

@@ -21,6 +21,7 @@ from ....formats.trainers.answers import parse_balance
 from ....formats.trainers.registry import LAYOUTS
 from ....formats.trainers.subset import Layout, Subset
 from ....formats.trainers.walks import WalkSource
+from ....rendering.camera.rigs import without_rig
 from ...engine.ledger import Row
 from ...engine.work import WorkItem, work_item
 from .layout_job import LayoutJob
@@ -75,11 +76,11 @@ def layout_items(
     held_out: Collection[str] = (),
     licence: str | None = None,
 ) -> list[WorkItem]:
-    """Return the items that write one dataset's episodes in a layout.
+    """Return the items that write the episodes of a dataset, or of a group, in a layout.
 
     Args:
         name: Key of `LAYOUTS`.
-        rows: Of stages that write units, by item.
+        rows: Of stages that write units, by item; of several datasets if they differ in the rig.
         root: The ledger's folder; output goes to `<root>/<name>/<split>/<dataset>/`.
         choice: What `check_choice` takes.
         held_out: Scenes whose training episodes validate, if the units do not know yet.
@@ -89,31 +90,34 @@ def layout_items(
         InputError: If a path is in two splits, or a scene trains and validates.
     """
     layout = LAYOUTS[name]
+    walks, cameras = _walks(rows, root)
     left_out: dict[tuple[str, str], Counter[str]] = {}
-    good: list[tuple[tuple[str, str], str, EpisodeUnit]] = []
-    for row in rows.values():
-        unit = replace(read_episode_unit(root / row.outputs[0]), statistics={}, features={})
-        columns = unit.columns
+    good: list[tuple[tuple[str, str], tuple[str, ...], list[EpisodeUnit]]] = []
+    for keys, views in walks:
+        columns = views[0].columns
         split = published_split(columns["split"], columns["scene_id"], held_out)
         level = f"-level{columns['level']}" if columns["level"] else ""
         group = (split, _file_name(columns["scene_id"]) + level if layout.per_scene else "")
-        if reason := _why_left_out(unit, layout, choice):
+        missing = f"without all {cameras} rigs" if len(views) < cameras else ""
+        if reason := missing or _why_left_out(views[0], layout, choice):
             left_out.setdefault(group, Counter())[reason] += 1
         else:
-            good.append((group, row.key, unit))
+            good.append((group, keys, views))
     if not good:
         counts = ", ".join(f"{n} {why}" for c in left_out.values() for why, n in c.items())
         log.warning("%s: no episode to write as %s; left out: %s", dataset, name, counts)
         return []
-    _check_splits([(group[0], unit.columns) for group, _, unit in good])
+    first = [views[0] for *_, views in good]
+    _check_splits([(group[0], unit.columns) for (group, *_), unit in zip(good, first, strict=True)])
     if licence is None:
-        licence = joint_facts([u.folder for *_, u in good], dataset, "unknown", None).licence
-    members: dict[tuple[str, str], list[tuple[str, WalkSource]]] = {}
-    texts = share_instructions([unit for *_, unit in good])
-    for number, ((group, key, unit), own) in enumerate(zip(good, texts, strict=True)):
-        prefix = f"{_file_name(unit.columns['scene_id'])}_{_file_name(unit.robot)}"
-        source = WalkSource(unit.folder, f"{prefix}_{number:06d}", own)
-        members.setdefault(group, []).append((key, source))
+        licence = joint_facts([unit.folder for unit in first], dataset, "unknown", None).licence
+    members: dict[tuple[str, str], list[tuple[tuple[str, ...], WalkSource]]] = {}
+    texts = share_instructions(first)
+    for number, ((group, keys, views), own) in enumerate(zip(good, texts, strict=True)):
+        folder, *others = (view.folder for view in views)
+        prefix = f"{_file_name(views[0].columns['scene_id'])}_{_file_name(views[0].robot)}"
+        source = WalkSource(folder, f"{prefix}_{number:06d}", own, tuple(others))
+        members.setdefault(group, []).append((keys, source))
     result = []
     for (split, scene), chosen in members.items():
         named = f"{split}/{dataset}"  # NavDP's loader reads all that lies in one folder
@@ -122,10 +126,33 @@ def layout_items(
         subset = Subset(named, used, licence, dropped)
         out = root / name / named / scene if scene else root / name / named
         job = LayoutJob(name, tuple(source for _, source in chosen), subset, out)
-        inputs = ([(key, source.key, source.texts) for key, source in chosen], subset)
+        inputs = ([(keys, source.key, source.texts) for keys, source in chosen], subset)
         item = f"{dataset}/{split}/{scene}".rstrip("/")
         result.append(work_item(name, item, job, (out,), *inputs))
     return result
+
+
+def group_name(name: str, dataset: str) -> str:
+    """Return the name under which the layout `name` has a dataset: its own, or without its rig."""
+    return without_rig(dataset) if LAYOUTS[name].rigs else dataset
+
+
+def _walks(
+    rows: Mapping[str, Row], root: Path
+) -> tuple[list[tuple[tuple[str, ...], list[EpisodeUnit]]], int]:
+    """Return keys and views of each walk, sorted by camera, and how many cameras there are."""
+    counts: Counter[tuple[str, str, str]] = Counter()
+    walks: dict[tuple[str, str, int], list[tuple[str, str, EpisodeUnit]]] = {}
+    for row in rows.values():
+        unit = replace(read_episode_unit(root / row.outputs[0]), statistics={}, features={})
+        path, camera = (unit.columns["episode_uid"], unit.task), unit.columns["camera_name"]
+        counts[*path, camera] += 1  # a dataset may hold an episode twice
+        walks.setdefault((*path, counts[*path, camera]), []).append((camera, row.key, unit))
+    result = []
+    for views in walks.values():
+        views.sort(key=lambda view: view[0])
+        result.append((tuple(key for _, key, _ in views), [unit for *_, unit in views]))
+    return result, len({camera for *_, camera in counts})
 
 
 def _check_splits(episodes: Sequence[tuple[str, Mapping[str, Any]]]) -> None:

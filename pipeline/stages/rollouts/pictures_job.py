@@ -61,7 +61,7 @@ class StripJob:
         facts = {
             "robot": walked.robot,
             "controller": walked.controller,
-            "kind": seen.facts["kind"],
+            "kind": camera.name,
             "camera": f"{camera.width_px} × {camera.height_px} px, {camera.hfov_deg:g}°",
             "light": seen.light,
             "episode": walked.episode.episode_id,

@@ -43,11 +43,13 @@ def true_depth(rollout: Rollout, rate: int = 4) -> np.ndarray:
     return np.stack(images).astype(np.float32)
 
 
-def make_unit(root: Path, number: int = 0, rate: int = 4, **changes: Any) -> Path:
+def make_unit(
+    root: Path, number: int = 0, rate: int = 4, camera_name: str = "front", **changes: Any
+) -> Path:
     rollout = make_walk(number, **changes)
     depth = true_depth(rollout, rate)
     rgb = make_images(len(depth), number)[0]
-    return write_unit(root, rollout, number, rate, images=(rgb, depth))
+    return write_unit(root, rollout, number, rate, images=(rgb, depth), camera_name=camera_name)
 
 
 def make_sources(root: Path) -> list[WalkSource]:

@@ -79,6 +79,42 @@ def test_a_run_becomes_subsets_by_robot_and_split(
     assert before == {p: p.stat().st_mtime_ns for p in (tmp_path / name).rglob("*") if p.is_file()}
 
 
+def test_the_rigs_of_a_walk_share_a_tree_where_the_layout_has_rigs(
+    tmp_path: Path, inline: None, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """An episode that a rig lacks is left out; one robot's own camera stays apart."""
+    out = tmp_path / "out"
+    for camera, count in (("ego", 3), ("rig:125cm_0deg", 3), ("rig:125cm_30deg", 2)):
+        name = camera.replace(":", "-")
+        (tmp_path / name).mkdir()
+        units = [
+            make_unit(
+                tmp_path / name,
+                number,
+                camera_name=camera,
+                episode={"episode_id": str(number), "trajectory_id": f"path-{number}"},
+            )
+            for number in range(count)
+        ]
+        folder = tmp_path / "run" / "lerobot" / f"dog-path-{name}-96x64-90deg-baked"
+        assemble_dataset(units, folder, provenance={}, licence="mit", title=name)
+    assert convert(tmp_path / "run", "internvla-n1", out) == 0
+    train = out / "internvla-n1" / "train"
+    names = ["dog-path-ego-96x64-90deg-baked", "dog-path-rigs-96x64-90deg-baked"]
+    assert sorted(path.name for path in train.iterdir()) == names
+    (scene,) = (train / names[1]).iterdir()
+    videos = sorted(path.name[19:] for path in (scene / "videos" / "chunk-000").iterdir())
+    settings = ["125cm_0deg", "125cm_30deg"]
+    assert videos == [f"{kind}.{s}" for kind in ("depth", "rgb") for s in settings]
+    lines = (scene / SIDECAR_NAME).read_text().splitlines()
+    assert len(lines) == 2
+    assert json.loads(lines[0])["camera_name"] == "rig:125cm_0deg,rig:125cm_30deg"
+    assert "left out: 1 without all 2 rigs" in (scene / "README.md").read_text()
+    assert convert(tmp_path / "run", "navdp", out) == 0
+    assert len(list((out / "navdp" / "train").iterdir())) == 3
+    assert cli.main(["verify", str(out)]) == 0
+
+
 def test_balance_is_for_training_and_can_be_chosen(run: Path, tmp_path: Path, inline: None) -> None:
     counts = {}
     for balance in ("natural", "navila", "forward=1,left=1,right=1,stop=3"):

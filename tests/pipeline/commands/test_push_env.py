@@ -141,7 +141,7 @@ def test_it_is_published_and_run_over_http(dataset: Path, tmp_path: Path) -> Non
     ("split", "change", "message"),
     [
         ("val", {}, "split 'val'.*val_unseen"),
-        ("train", {"view": "ego-96x64-90deg-1.2m-baked"}, "neither moved nor turned"),
+        ("train", {"view": "top-96x64-50deg-baked"}, "or of a rig"),
         ("train", {"view": "chase-96x64-75deg-baked"}, "robot's own camera"),
     ],
 )

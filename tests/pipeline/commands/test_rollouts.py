@@ -57,3 +57,32 @@ def test_the_stages_after_episodes_take_the_scenes_of_the_run(
     assert called("render", out, out, "--camera", "ego:64x48") == 0
     assert called("export", out, tmp_path / "data") == 0
     assert len(list((tmp_path / "data" / "mcap").rglob("*.mcap"))) == 2
+
+
+@pytest.mark.chain
+def test_the_rigs_of_a_preset_come_from_one_walk_and_are_what_each_alone_is(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, alone = tmp_path / "out", tmp_path / "alone"
+    episodes = run / "episodes" / "train.json.gz"
+    assert called("replay", episodes, out, "--robot", "jetbot") == 0
+    walked = {path: path.stat().st_mtime_ns for path in out.rglob("*.mcap")}
+    assert len(walked) == 1
+    scenes = ("--scenes", str(run / "scenes"))
+    assert called("render", out, out, *scenes, "--camera", "rig:n1:32x32") == 0
+    assert walked == {path: path.stat().st_mtime_ns for path in walked}
+    assert len(Ledger.existing(out).rows("render")) == 5
+    assert called("render", out, alone, *scenes, "--camera", "rig:60cm_15deg:32x32") == 0
+    (folder,) = alone.glob("jetbot/path/rig-60cm_15deg-32x32-90deg-baked/e")
+    files = [folder / name for name in ("rgb.mp4", "depth.mp4", "frames.npz", "meta.json")]
+    for file in files:
+        assert file.read_bytes() == (out / file.relative_to(alone)).read_bytes()
+    before = [file.stat().st_mtime_ns for file in files]
+    same = ("--camera", "ego:32x32", "--camera-height", "0.6", "--camera-pitch", "15")
+    assert called("render", out, alone, *scenes, *same) == 0
+    assert before == [file.stat().st_mtime_ns for file in files]  # the same rig: nothing is done
+    capsys.readouterr()
+    for wrong in ("rig:n3", "rig:900cm_0deg", "rig:60cm_120deg"):
+        assert called("render", out, tmp_path / "no", *scenes, "--camera", wrong) == 2
+        (line,) = capsys.readouterr().err.strip().splitlines()
+        assert "valid: " in line and not (tmp_path / "no").exists()
