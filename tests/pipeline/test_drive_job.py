@@ -1,0 +1,46 @@
+"""The stage that makes rollouts of drives: what was recorded once stays."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.collectors.test_driving import AHEAD, Driver
+from tests.collectors.test_replay import make_episode
+from vlnpe.collectors.replay.world import open_world
+from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.mcap.rollout import read_rollout
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.pipeline.stages.rollouts.drive_job import DriveJob
+from vlnpe.pipeline.stages.rollouts.replay_job import Walker
+
+pytestmark = pytest.mark.chain
+
+
+def test_a_recorded_drive_stays_when_words_or_physics_change(
+    two_rooms: SceneBundle, tmp_path: Path
+) -> None:
+    robot = get_robot("jetbot")
+    episode = make_episode(two_rooms)
+    driver = Driver(open_world(two_rooms, 0, robot), episode, "path", tmp_path / "a.drive")
+    driver.hold(AHEAD, 2.0)
+    driver.stop()
+    driver.drive.keep(episode)
+    walker = Walker(robot, driver.config)
+    out = tmp_path / "a.mcap"
+    job = DriveJob(two_rooms.root, episode, walker, driver.path, "Ada", tmp_path / "models", out)
+    facts = job.run().facts
+    assert (facts["controller"], facts["driver"]) == ("human", "Ada")
+    first = read_rollout(out)
+    # Another seed is other physics: the journal cannot be repeated with it.
+    other = Walker(robot, replace(driver.config, seed=1))
+    told = replace(episode, instruction="Walk to the wall.")
+    replace(job, walker=other, episode=told).run()
+    again = read_rollout(out)
+    assert np.array_equal(again.position_world_m, first.position_world_m)
+    assert again.episode.instruction == "Walk to the wall."
+    out.unlink()
+    with pytest.raises(FileFormatError, match="another state"):
+        replace(job, walker=other).run()
