@@ -12,6 +12,7 @@ from websockets.sync.client import connect
 
 from tests.support.runs.tiny_run import VLNPE, environment
 
+PATIENCE_S = 180  # on a busy machine
 AHEAD, BACK, LEFT, NOTHING = (1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0), (0, 0, 0)
 
 
@@ -74,7 +75,7 @@ class Page:
     def do(self, word: str, until: str = "") -> dict[str, Any]:
         """Say a word; wait until the state is called `until`, if that is given."""
         self.send({"do": word})
-        end = time.monotonic() + 60
+        end = time.monotonic() + PATIENCE_S
         while until and time.monotonic() < end:
             self.watch(0.05)
             if self.state.get("state") == until:
@@ -84,7 +85,7 @@ class Page:
 
     def until(self, name: str) -> dict[str, Any]:
         """Wait until the state has this name."""
-        end = time.monotonic() + 60
+        end = time.monotonic() + PATIENCE_S
         while self.state.get("state") != name:
             assert time.monotonic() < end, self.state
             self.watch(0.05)

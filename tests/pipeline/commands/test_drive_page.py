@@ -7,7 +7,7 @@ import pytest
 
 from tests.pipeline.commands.test_drive import ROBOT, prepared
 from tests.support.devtools import Page, chromium
-from tests.support.driver import start
+from tests.support.driver import PATIENCE_S, start
 
 __all__ = ["prepared"]
 
@@ -37,7 +37,7 @@ def _opened(page: Page) -> None:
 
 
 def in_state(page: Page, name: str) -> None:
-    page.wait(f"document.body?.dataset.state === '{name}'")
+    page.wait(f"document.body?.dataset.state === '{name}'", PATIENCE_S)
 
 
 def pose(page: Page) -> str:
