@@ -12,8 +12,8 @@ from ..formats.lerobot.layout import PROVENANCE_PATH
 from ..formats.scene.bundle import load_bundle
 from ..formats.untrusted.documents import read_json_object
 from ..formats.vlnce.files import write_episodes
-from .inputs.crews import FOLDER
 from .inputs.episode_file import episodes_of
+from .inputs.robot_copies import FOLDER
 from .publish import CARD, ENV, Release, released
 
 EPISODES = "episodes.json.gz"

@@ -15,7 +15,7 @@ from ..formats.core.checkout import find_uv
 from .engine.ledger import Ledger
 from .engine.run_folder import RunFolder
 from .execution.runner import StageSummary
-from .inputs.crews import robot_of_run
+from .inputs.robot_copies import robot_of_run
 from .options.collect import Collect
 from .options.command_line import command_line
 from .report.gather import LeftOut, RobotRow, left_out, robot_rows, shared_paths_note

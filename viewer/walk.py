@@ -10,7 +10,7 @@ import numpy as np
 from ..formats.core.arrays import F32, I64, U8, Array
 from ..formats.core.camera import CameraModel
 from ..formats.core.rollout import Rollout
-from ..formats.lerobot.language import subtasks
+from ..formats.core.text_parts import subtasks
 from .robot import links_of
 
 

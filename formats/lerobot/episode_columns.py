@@ -8,9 +8,9 @@ import pyarrow as pa
 
 from ..core.camera import CameraModel, DepthRange
 from ..core.rollout import Metrics, Rollout
+from ..core.text_parts import subtasks
 from ..rendered.table import FrameTable, StartFrame
 from ..vlnce.groups import instruction_ids
-from .language import subtasks
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))

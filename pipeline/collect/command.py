@@ -20,8 +20,9 @@ from ..context import open_context
 from ..engine.ledger import Ledger
 from ..engine.run_folder import RunFolder, safe_name
 from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
-from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews
 from ..inputs.folders import find_scans
+from ..inputs.robot_copies import robot_of_run
 from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
 from ..inputs.views import check_frame_rate, chosen_views
 from ..inputs.wording import instruct_config, vision_settings

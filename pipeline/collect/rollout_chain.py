@@ -17,7 +17,8 @@ from ...rendering.camera.views import View
 from ..engine.explain import parts_of
 from ..engine.ledger import Ledger, Row
 from ..execution.runner import WorkItem
-from ..inputs.crews import Crew, action_timing, robot_of_run
+from ..inputs.crews import Crew, action_timing
+from ..inputs.robot_copies import robot_of_run
 from ..stages.convert.layout_items import group_name, layout_items
 from ..stages.datasets import export_items as export
 from ..stages.datasets.export_job import UnitJob

@@ -12,8 +12,9 @@ from ...rendering.registry import chosen_renderer
 from ..context import open_context
 from ..engine.ledger import Ledger, Row
 from ..execution.runner import StageSummary, run_stage
-from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews, robot_of_run
+from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews
 from ..inputs.episode_file import episodes_of, scenes_of
+from ..inputs.robot_copies import robot_of_run
 from ..inputs.views import check_frame_rate, chosen_lights, chosen_views
 from ..options.rollouts import Export, Render, Replay
 from ..report.gather import robot_rows

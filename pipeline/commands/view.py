@@ -11,10 +11,8 @@ from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import MissingExtraError, UnknownNameError
 from ...formats.core.flags import FlagFile
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
-from ..context import run_single
 from ..inputs.walks import entries_of, run_of
 from ..options.view import View
-from ..stages.scenes import items as repair
 from ..summary import print_result
 
 REPAIRED = Path("runs/view")  # scenes of scans that were looked at
@@ -62,6 +60,9 @@ def _scene_of(options: View) -> Path | None:
         return what.resolve()
     if what.is_dir() or not what.exists():
         return None
+    from ..context import run_single  # with the repair, seconds that only a scan needs
+    from ..stages.scenes import items as repair
+
     out = (options.out or REPAIRED / what.stem).resolve()
     config = options.repair_config(scene_id=out.name, collision="")
     run_single(out, repair.STAGE, repair.item(what, out, config))

@@ -13,9 +13,9 @@ from ...formats.core.atomic import atomic_folder
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
 from ..engine.ledger import Ledger
+from .robot_copies import FOLDER
 
 ALL, AUTO = "all", "auto"
-FOLDER = "robots"  # in a run: copies of users' own robots
 # A robot and the name of its controller.
 Crew = tuple[RobotSpec, str]
 USUAL = "path"  # what `auto` means for whatever has a body
@@ -132,9 +132,3 @@ def keep_crews(pairs: Iterable[Crew], ledger: Ledger) -> list[Crew]:
     local = [(keep(robot, ledger.root), controller) for robot, controller in pairs]
     ledger.record({robot.folder for robot, _ in local if robot.folder is not None})
     return local
-
-
-def robot_of_run(name: str, root: Path) -> RobotSpec:
-    """Return the robot of a run with a name that its ledger records."""
-    copy = root / FOLDER / name
-    return get_robot(str(copy) if copy.is_dir() else name)

@@ -8,23 +8,20 @@ import mujoco
 import numpy as np
 
 from ...collectors.robots import RobotSpec
-from ...evaluation.results import RESULTS_NAME, read_results
 from ...formats.core.arrays import U8
 from ...formats.core.camera import CameraModel
 from ...formats.core.errors import InputError
 from ...formats.core.rollout import Rollout
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
+from ...formats.untrusted.documents import read_json_object
 from ...formats.video.mp4 import read_rgb_video
 from ...formats.video.stream import pick_frames
 from ...formats.vlnce.records import scene_stem
-from ...rendering.camera.rollout_frames import RolloutFrames
-from ...rendering.camera.views import View
 from ...viewer.library import Entry
 from ...viewer.walk import Shots, Walk
 from ..engine.ledger import Ledger, Row
-from ..stages.rollouts.render_job import scene_renderer
-from .crews import robot_of_run
+from .robot_copies import robot_of_run
 
 EVALUATIONS = "evaluations"
 
@@ -49,7 +46,7 @@ def entries_of(folder: Path) -> list[Entry]:
     for place in folders:
         own = place != root
         ledger = Ledger.existing(place)
-        seen = _seen_by_policy(place) if own else None
+        seen = _seen_by_policy(place) if own else ""
         rows = [row for row in ledger.done() if _is_walk(row)]
         result += [_entry(root, ledger, row, place.name if own else "", seen) for row in rows]
     if not result:
@@ -61,19 +58,14 @@ def _is_walk(row: Row) -> bool:
     return bool(row.outputs) and row.outputs[0].endswith(".mcap") and "metrics" in row.facts
 
 
-def _seen_by_policy(folder: Path) -> View | None:
-    """Return the view of an evaluation's policy; None if its results do not tell."""
-    if not (folder / RESULTS_NAME).is_file():
-        return None
-    name = str(read_results(folder).get("setting", {}).get("view", ""))
-    size = re.fullmatch(r"ego-(\d+)x(\d+)-([\d.]+)deg-(\w+)", name)
-    if size is None:
-        return None
-    width, height, field = int(size[1]), int(size[2]), float(size[3])
-    return View("ego", CameraModel("ego", width, height, field), size[4])
+def _seen_by_policy(folder: Path) -> str:
+    """Return the name of the view of an evaluation's policy; empty if its results lack it."""
+    results = folder / "results.json"
+    setting = read_json_object(results).get("setting") if results.is_file() else None
+    return str(setting.get("view", "")) if isinstance(setting, dict) else ""
 
 
-def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: View | None) -> Entry:
+def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: str) -> Entry:
     facts, metrics = row.facts, row.facts["metrics"]
     robot, controller, episode = row.item.split("/", 2)
     own: list[Path] = []
@@ -97,20 +89,32 @@ def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: View | N
     )
 
 
-def _walk(name: str, path: Path, root: Path, frames: Path | None, seen: View | None) -> Walk:
+def _walk(name: str, path: Path, root: Path, frames: Path | None, seen: str) -> Walk:
     rollout = read_rollout(path)
     robot = robot_of_run(rollout.robot, root)
     shots = None
     if frames is not None:
         shots = _shots(frames)
-    elif seen is not None:
+    elif seen:
         scene = root / "scenes" / scene_stem(rollout.episode.scene_id)
         shots = _drawn(scene, rollout, robot, seen)
     return Walk(name, rollout, _model(robot), shots)
 
 
-def _drawn(scene: Path, rollout: Rollout, robot: RobotSpec, view: View) -> Shots:
-    """Draw what a policy saw when it chose: a rollout of an evaluation has no pictures."""
+def _drawn(scene: Path, rollout: Rollout, robot: RobotSpec, seen: str) -> Shots | None:
+    """Draw what a policy saw when it chose: a rollout of an evaluation has no pictures.
+
+    A view of another kind than `ego-<width>x<height>-<field>deg-<light>` has none.
+    """
+    size = re.fullmatch(r"ego-(\d+)x(\d+)-([\d.]+)deg-(\w+)", seen)
+    if size is None:
+        return None
+    # They take seconds to import, and most walks have pictures.
+    from ...rendering.camera.rollout_frames import RolloutFrames
+    from ...rendering.camera.views import View
+    from ..stages.rollouts.render_job import scene_renderer
+
+    view = View("ego", CameraModel("ego", int(size[1]), int(size[2]), float(size[3])), size[4])
     _, renderer = scene_renderer(scene, view.renderer, view.light)
     spans = [span.start_sample for span in rollout.actions]
     samples = np.array(spans or range(0, len(rollout.time_s), 25), np.int64)

@@ -11,7 +11,7 @@ from ..engine.ledger import Ledger, Row
 from ..engine.run_folder import RunFolder
 from ..engine.work import WorkItem, work_item
 from ..execution.runner import Context, StageSummary, run_stage
-from ..inputs.crews import robot_of_run
+from ..inputs.robot_copies import robot_of_run
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts.pictures_job import ClipJob, MapJob, StripJob
 from .build import ReportJob

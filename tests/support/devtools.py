@@ -58,12 +58,16 @@ class Page:
         assert "exceptionDetails" not in result, result["exceptionDetails"]
         return result["result"].get("value")
 
-    def wait(self, expression: str, seconds: float = 60) -> Any:
+    def wait(self, expression: str, seconds: float = 120) -> Any:
         """Return the value of an expression as soon as it is true."""
         return until(lambda: self.evaluate(expression), seconds, expression)
 
     def text(self) -> str:
         return self.evaluate("document.body ? document.body.innerText : ''")
+
+    def wait_for(self, text: str, seconds: float = 120) -> None:
+        """Wait until the page shows a text."""
+        until(lambda: text in self.text(), seconds, f"{text!r} on the page")
 
     def key(self, key: str, code: str, *, up: bool = True, down: bool = True) -> None:
         """Press a key, or only its one half."""
