@@ -54,7 +54,7 @@ class RunBrowser:
             self._note = gui.add_text("Note", "")
             self._flag.on_update(self._on_flag)
             self._note.on_update(self._on_flag)
-            self._ghost = gui.add_dropdown("Ghost", (NOTHING,))
+            self._ghost = gui.add_dropdown("Ghost", [str(NOTHING)])
             self._ghost.on_update(self._on_ghost)
             self._ceiling = gui.add_checkbox("Ceilings", False)
             self._ceiling.on_update(lambda _: self._show_level(self._ceiling.value))

@@ -184,7 +184,7 @@ def _flat(polygons: list[Any], z: float) -> tuple[Array, Any]:
     return np.column_stack([points, np.full(len(points), z)]), faces
 
 
-def _cells(grid: GridSpec, chosen: Mask, z: float) -> tuple[Array, Array]:
+def _cells(grid: GridSpec, chosen: Mask, z: float) -> tuple[Array, Any]:
     """Return two triangles per run of chosen cells in a row."""
     edge = np.diff(np.pad(chosen.astype(np.int8), ((0, 0), (1, 1))), axis=1)
     row, first = np.nonzero(edge == 1)
@@ -201,7 +201,7 @@ def _cells(grid: GridSpec, chosen: Mask, z: float) -> tuple[Array, Array]:
     return np.column_stack([corners, np.full(len(corners), z)]), faces
 
 
-def _cube() -> tuple[Array, Array]:
+def _cube() -> tuple[Array, Any]:
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
     quads = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
     return signs, np.array([[q[0], q[i], q[i + 1]] for q in quads for i in (1, 2)])

@@ -127,8 +127,8 @@ def simplified(mesh: VisualMesh, faces: int) -> VisualMesh:
         ],
         axis=1,
     )
-    first, inverse = _unique_rows(keys)
-    points = mesh.vertices[mesh.faces.ravel()[first]].astype(np.float32)
+    first, inverse = _unique_rows(keys.astype(np.float64))
+    points = mesh.vertices[mesh.faces.ravel()[first]].astype(np.float64)
     uv = mesh.corner_uv.reshape(-1, 2)[first]
     material = np.repeat(mesh.face_material, 3)[first]
     triangles = inverse.reshape(-1, 3).astype(np.int32)
@@ -201,7 +201,8 @@ def _images(bundle: SceneBundle, detail: Detail, paths: set[str]) -> dict[str, b
         for path, picture in pictures.items():
             if picture.size == largest:
                 half = tuple(max(1, side // 2) for side in picture.shape[1::-1])
-                pictures[path] = cv2.resize(picture, half, interpolation=cv2.INTER_AREA)
+                smaller = cv2.resize(picture, half, interpolation=cv2.INTER_AREA)
+                pictures[path] = smaller.astype(np.uint8, copy=False)
     table = np.round(255 * before_tone_mapping(np.arange(256) / 255)).astype(np.uint8)
     how = [cv2.IMWRITE_JPEG_QUALITY, detail.quality]
     return {

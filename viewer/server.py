@@ -40,6 +40,8 @@ class LocalServer(viser.ViserServer):
             self.stop()
             raise RuntimeError(f"viser {viser.__version__} cannot be guarded; valid: 1.1")
         self.url = gate.url(self.get_port())
+        # No node of ours casts shadows; empty shadow maps would be drawn for every frame.
+        self.scene.configure_default_lights(cast_shadow=False)
         self.gui.configure_theme(show_logo=False, show_share_button=False, control_width="large")
 
     def request_share_url(self, verbose: bool = True) -> str | None:

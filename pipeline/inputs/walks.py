@@ -155,5 +155,6 @@ def _shots(folder: Path) -> Shots:
 def _ends(folder: Path) -> tuple[U8, U8]:
     opened = read_frame_folder(folder)
     last = len(opened.arrays["sample_index"]) - 1
-    first, end = pick_frames(opened.rgb_video, [0, last])
-    return first.to_ndarray(format="rgb24"), end.to_ndarray(format="rgb24")
+    frames = pick_frames(opened.rgb_video, [0, last])
+    first, end = (np.asarray(frame.to_ndarray(format="rgb24"), np.uint8) for frame in frames)
+    return first, end

@@ -12,6 +12,7 @@ pytest.importorskip("viser", reason="the extra `view` is not installed")
 
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from tests.support.devtools import chromium, until
 from tests.support.walks import glide
@@ -127,7 +128,7 @@ def test_only_the_page_itself_gets_in(server):
         connection.request("GET", path, headers=headers)
         return connection.getresponse().status
 
-    own, other = f"http://127.0.0.1:{where.port}", "http://evil.example"
+    own, other = Origin(f"http://127.0.0.1:{where.port}"), Origin("http://evil.example")
     assert status(with_token) == status(with_token, Origin=own) == 200
     assert status("/") == status("/?token=") == status("/?token=wrong") == 403
     assert status(with_token, Host="evil.example") == status(with_token, Origin=other) == 403
@@ -136,7 +137,7 @@ def test_only_the_page_itself_gets_in(server):
     versions = ["viser-v" + __import__("viser").__version__]
     with connect(socket, origin=own, subprotocols=versions, proxy=None) as connection:
         assert connection.recv(timeout=30)
-    for url, origin in ((socket, other), (socket.partition("?")[0], own), (socket, "null")):
+    for url, origin in ((socket, other), (socket.partition("?")[0], own), (socket, Origin("null"))):
         with pytest.raises(InvalidStatus, match="403"):
             connect(url, origin=origin, subprotocols=versions, proxy=None)
 
