@@ -56,7 +56,7 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
     drive, run = seat.drive, seat.drive.run
     goal = run.episode.goal_position_world_m[:2]
     field = None if seat.free else distance_field(run.world.freemap, goal, AGENT_RADIUS_M)
-    paused, note, jpeg, drawn = False, "", b"", None
+    paused, moved, note, jpeg, drawn = False, False, "", b"", None
     pace: deque[tuple[float, float]] = deque(maxlen=round(2.0 / STEP_S))
     due_s = frame_s = clock()
     while True:
@@ -78,7 +78,12 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
                 drive.undo(UNDO_S if word == "undo" else before_s)
                 note = f"{before_s - drive.time_s:.1f} s taken back"
                 paused = False
-        moved = not paused and drive.step()
+        due_s = max(due_s, clock() - BEHIND_S)
+        for _ in range(round(BEHIND_S / STEP_S)):  # all that is due, before the next picture
+            moved = not paused and drive.step()
+            due_s += STEP_S
+            if due_s > clock():
+                break
         now_s = clock()
         if moved:
             pace.append((now_s, drive.time_s))
@@ -91,7 +96,6 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
             shown = _state(seat, field) | {"state": state, "note": note, "pace": _pace(pace)}
             desk.show(jpeg, shown | {"number": desk.heard})
             frame_s = max(frame_s + FRAME_S, now_s)
-        due_s = max(due_s + STEP_S, clock() - BEHIND_S)
         time.sleep(max(due_s - clock(), 0.0))
 
 
