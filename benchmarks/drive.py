@@ -2,8 +2,7 @@
 
     python -m benchmarks.drive RUN ROBOT [SECONDS]
 
-The drive runs on one core, this client on another one. A response is the time from a message of
-the page to the state that shows the robot's new command; a real page adds what its browser takes.
+The drive runs on one core, this client on another one. A real page adds what its browser takes.
 """
 
 import os
@@ -26,16 +25,17 @@ def main(run: str, robot: str, seconds: float = 60.0) -> None:
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
         page = Page(url)
         page.until("waits")
-        responses, paces, memory = [], [], []
+        commands, responses, paces, memory = [], [], [], []
         first_s, first = time.monotonic(), _cpu_s(process.pid)
         page.pictures.clear()
         while (past_s := time.monotonic() - first_s) < seconds:
             for sticks in (AHEAD, LEFT, BACK, LEFT):
                 sent_s = time.monotonic()
-                before = page.state["command"]
-                page.send({"sticks": sticks, "number": 1})
-                while page.state["command"] == before and time.monotonic() - sent_s < 1.0:
+                number = page.state["number"] + 1
+                page.send({"sticks": sticks, "number": number})
+                while page.state["number"] != number and time.monotonic() - sent_s < 2.0:
                     page.watch(0.002)
+                commands.append(page.state["answer_ms"])
                 responses.append(1e3 * (time.monotonic() - sent_s))
                 page.hold(sticks, 1.5)
                 if page.state["pace"]:
@@ -49,17 +49,21 @@ def main(run: str, robot: str, seconds: float = 60.0) -> None:
         page.send({"sticks": NOTHING, "number": 1})
         process.terminate()
         process.communicate()
-    responses.sort()
-    late = responses[int(0.95 * len(responses))]
     stages = [memory[k] for k in (0, len(memory) // 2, -1)]
     lines = [
         f"{robot}: {rate:.1f} pictures/s, {cpu:.2f} of a core",
         f"real time: {min(paces):.2f} × at least, {statistics.median(paces):.2f} × median",
-        f"response: {statistics.median(responses):.0f} ms median, {late:.0f} ms p95, "
-        f"{responses[-1]:.0f} ms at most, of {len(responses)}",
+        f"message to command: {_spread(commands)}",
+        f"message to picture: {_spread(responses)}",
         "memory: " + ", ".join(f"{mib:.0f} MiB after {at:.0f} s" for at, mib in stages),
     ]
     sys.stdout.write("\n".join(lines) + "\n")
+
+
+def _spread(times_ms: list[float]) -> str:
+    ordered = sorted(times_ms)
+    late = ordered[int(0.95 * len(ordered))]
+    return f"{statistics.median(ordered):.0f} ms median, {late:.0f} ms p95 of {len(ordered)}"
 
 
 def _cpu_s(pid: int) -> float:

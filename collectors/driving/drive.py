@@ -27,7 +27,7 @@ from .journal import Journal, Recording, read_journal
 DISCRETE = "speed"  # controller whose discrete actions the person chooses; others take velocities
 UNDO_EVENT = "undo"  # kind of the events at which something was taken back
 _EVERY = STATE_RATE_HZ  # ticks between two checkpoints, and two digests of the state
-_MOST_CHECKPOINTS = 60
+_MOST_CHECKPOINTS = 30  # of 2 MB each
 _SHORTEST_M = 1.0
 _EVEN_M, _SPACING_M, _TOLERANCE_M = 0.1, 1.5, 0.1
 

@@ -2,6 +2,7 @@
 
 import json
 import threading
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -32,12 +33,12 @@ class Desk:
 
     Attributes:
         controls: what is held.
-        heard: number of the page's last message about sticks.
+        heard: number of the page's last message about sticks, and when it came [s].
     """
 
     def __init__(self, controls: Controls) -> None:
         self.controls = controls
-        self.heard = 0
+        self.heard = 0, 0.0
         self._words: SimpleQueue[str] = SimpleQueue()
         self._new = threading.Condition()
         self._shown: Shown | None = None
@@ -52,7 +53,7 @@ class Desk:
             case {"sticks": [int() | float(), int() | float(), int() | float()] as sticks, **more}:
                 self.controls.hold(*map(float, sticks))
                 number = more.get("number")
-                self.heard = number if isinstance(number, int) else 0
+                self.heard = number if isinstance(number, int) else 0, time.monotonic()
             case {"do": "stop"}:
                 self.controls.stop()
             case {"do": str() as word} if word in WORDS:

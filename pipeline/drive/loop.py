@@ -59,6 +59,7 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
     paused, moved, note, jpeg, drawn = False, False, "", b"", None
     pace: deque[tuple[float, float]] = deque(maxlen=round(2.0 / STEP_S))
     due_s = frame_s = clock()
+    heard, answer_ms = desk.heard, 0.0
     while True:
         for word in desk.words():
             note = ""
@@ -85,6 +86,9 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
             if due_s > clock():
                 break
         now_s = clock()
+        if desk.heard != heard:
+            heard = desk.heard
+            answer_ms = round(1e3 * (now_s - heard[1]), 1)
         if moved:
             pace.append((now_s, drive.time_s))
         else:
@@ -94,7 +98,7 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
                 jpeg, drawn = encoded(seat.eye.look()[0]), run.tick
             state = "ended" if drive.end else "paused" if paused else "moving" if moved else "waits"
             shown = _state(seat, field) | {"state": state, "note": note, "pace": _pace(pace)}
-            desk.show(jpeg, shown | {"number": desk.heard})
+            desk.show(jpeg, shown | {"number": heard[0], "answer_ms": answer_ms})
             frame_s = max(frame_s + FRAME_S, now_s)
         time.sleep(max(due_s - clock(), 0.0))
 

@@ -68,9 +68,9 @@ class Page:
         """Hold the sticks for a time, and let go."""
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            self.send({"sticks": sticks, "number": 1})
+            self.send({"sticks": sticks})
             self.watch(0.05)
-        self.send({"sticks": NOTHING, "number": 2})
+        self.send({"sticks": NOTHING})
 
     def do(self, word: str, until: str = "") -> dict[str, Any]:
         """Say a word; wait until the state is called `until`, if that is given."""
