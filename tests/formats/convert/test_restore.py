@@ -126,7 +126,7 @@ def test_a_dataset_whose_depth_was_removed_restores(original: Path, tmp_path: Pa
     remove_feature(whole, "observation.images.depth", tmp_path / "less", "vlnpe/less")
     assert main(["restore", str(tmp_path / "less"), "--original", str(original)]) == 0
     assert columns(tmp_path / "less") == columns(original)
-    assert "millimetres" not in (tmp_path / "less" / "README.md").read_text()
+    assert "Depth is planar z" not in (tmp_path / "less" / "README.md").read_text()
 
 
 def test_an_original_without_later_columns_restores(
