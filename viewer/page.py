@@ -5,6 +5,7 @@ import html
 import viser
 
 from .player import HIGHLIGHT, Player
+from .server import NAMES
 
 FRAME = 5  # samples between recorded poses: 20 Hz
 _CAPTION = """<style>#vlnpe-caption{position:fixed;z-index:2;top:0;left:0;right:0;margin:0 auto;
@@ -43,6 +44,7 @@ def _finished(page: str, title: str, marks: list[float], caption: str) -> str:
     """Return viser's page with a title, and a caption that follows the time of its slider."""
     page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
     page = page.replace('content="Viser client"', f'content="{title}"', 1)
+    page = page.replace("</head>", f"{NAMES}</head>", 1)
     if not caption:
         return page
     script = f"""<script>setInterval(()=>{{const s=document.querySelector('[role=slider]');

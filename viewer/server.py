@@ -7,6 +7,7 @@ import contextlib
 import io
 import threading
 from collections.abc import Iterator
+from html import escape
 from typing import Any
 
 import viser
@@ -17,6 +18,12 @@ from websockets.http11 import Request, Response
 from .gate import HOST, Gate
 
 _constructing = threading.Lock()
+# viser leaves sliders, numbers and symbols without a name for a screen reader: each gets the first
+# words of the row that it stands in.
+NAMES = """<script>setInterval(()=>{for(const e of document.querySelectorAll(
+'[role=slider],input,button')){if(e.ariaLabel||e.labels?.length||(e.innerText||'').trim())continue;
+let p=e;while(p&&!/^[A-Z]/.test((p.innerText||'').trim()))p=p.parentElement;
+if(p)e.ariaLabel=p.innerText.trim().split('\\n')[0].slice(0,60)}},1000)</script>"""
 
 
 class LocalServer(viser.ViserServer):
@@ -34,7 +41,7 @@ class LocalServer(viser.ViserServer):
         """
         gate = Gate()
         # viser prints its own address, without a token, to standard output.
-        with _guarded(gate) as guarded, contextlib.redirect_stdout(io.StringIO()):
+        with _guarded(gate, label) as guarded, contextlib.redirect_stdout(io.StringIO()):
             super().__init__(host=HOST, port=port, label=label, verbose=False)
         if not guarded:
             self.stop()
@@ -55,8 +62,10 @@ class LocalServer(viser.ViserServer):
 
 
 @contextlib.contextmanager
-def _guarded(gate: Gate) -> Iterator[list[bool]]:
+def _guarded(gate: Gate, title: str) -> Iterator[list[bool]]:
     """Have the server that viser starts in this block ask `gate` first; fill the list if it does.
+
+    Its page gets a title and `NAMES`.
 
     viser passes its own `process_request` to `websockets` and offers no hook before it.
     """
@@ -66,8 +75,18 @@ def _guarded(gate: Gate) -> Iterator[list[bool]]:
         def process(connection: ServerConnection, request: Request) -> Response | None:
             if refusal := gate.refusal(request):
                 return refusal
+            if "Accept-Encoding" in request.headers:  # viser would pack the page
+                del request.headers["Accept-Encoding"]
             response = process_request(connection, request)
-            return None if response is None else gate.served(response)
+            if response is None:
+                return None
+            page = response.body.replace(
+                b"<title>Viser</title>", f"<title>{escape(title)}</title>".encode()
+            )
+            response.body = page.replace(b"</head>", f"{NAMES}</head>".encode(), 1)
+            del response.headers["Content-Length"]
+            response.headers["Content-Length"] = str(len(response.body))
+            return gate.served(response)
 
         installed.append(True)
         return serve(*args, process_request=process, **options)

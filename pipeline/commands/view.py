@@ -6,6 +6,7 @@ import threading
 import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import MissingExtraError, UnknownNameError
@@ -14,6 +15,10 @@ from ...formats.scene.bundle import INDEX_NAME, load_bundle
 from ..inputs.walks import entries_of, run_of
 from ..options.view import View
 from ..summary import print_result
+
+if TYPE_CHECKING:
+    from ...viewer.player import Player
+    from ...viewer.server import LocalServer
 
 REPAIRED = Path("runs/view")  # scenes of scans that were looked at
 
@@ -27,8 +32,9 @@ def run(options: View) -> int:
 
     scene = _scene_of(options)
     title = (scene or run_of(options.what)).name
-    with contextlib.closing(_Stopped(LocalServer(f"vlnpe: {title}", options.port))) as holder:
-        server = holder.server
+    server = LocalServer(f"vlnpe: {title}", options.port)
+    with contextlib.ExitStack() as stack:
+        stack.callback(server.stop)
         player, what = _shown(options, scene, server)
         if options.save is not None:
             write_bytes(options.save, saved_page(server, player, title).encode())
@@ -43,14 +49,6 @@ def run(options: View) -> int:
         with contextlib.suppress(KeyboardInterrupt):
             threading.Event().wait()
     return 0
-
-
-class _Stopped:
-    def __init__(self, server):
-        self.server = server
-
-    def close(self) -> None:
-        self.server.stop()
 
 
 def _scene_of(options: View) -> Path | None:
@@ -69,7 +67,7 @@ def _scene_of(options: View) -> Path | None:
     return out
 
 
-def _shown(options: View, scene: Path | None, server):
+def _shown(options: View, scene: Path | None, server: "LocalServer") -> "tuple[Player | None, str]":
     """Fill the page; return its player, if it has one, and what it shows."""
     if scene is not None:
         from ...viewer.layers import SceneView

@@ -1,5 +1,7 @@
 """The list of walks: filters, outliers, poses, text parts; simplified scenes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,12 @@ from tests.viewer.test_page import make_entry, make_walk
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.flags import FLAGS_NAME, FlagFile
 from vlnpe.formats.scene.bundle import VisualMesh
+from vlnpe.formats.splats.record import GaussianCloud
+from vlnpe.formats.splats.store import save_splats
 from vlnpe.rendering.scene.robot_body import RobotBody
 from vlnpe.viewer.library import Choice, chosen, outlier_scores, table_html
-from vlnpe.viewer.scene import WHITE_GAIN, before_tone_mapping, simplified
+from vlnpe.viewer.scene import WHITE_GAIN, Detail, add_scene, before_tone_mapping, simplified
+from vlnpe.viewer.server import LocalServer
 
 
 def test_links_stand_where_the_renderer_draws_them():
@@ -67,6 +72,30 @@ def test_the_browser_shows_greys_as_they_are():
     y = (x * (x + 0.0245786) - 0.000090537) / (x * (0.983729 * x + 0.4329510) + 0.238081)
     shown = np.where(y <= 0.0031308, 12.92 * y, 1.055 * np.clip(y, 0, 1) ** (1 / 2.4) - 0.055)
     np.testing.assert_allclose(shown, 0.955 * srgb, atol=0.015)
+
+
+def test_splats_are_shown_as_splats_the_least_visible_left_out(two_rooms, tmp_path):
+    rng = np.random.default_rng(0)
+    count = 900
+    scale = np.full((count, 3), 0.02, np.float32)
+    scale[:300] = 0.2
+    cloud = GaussianCloud(
+        position=rng.uniform(0, 3, (count, 3)).astype(np.float32),
+        scale=scale,
+        quat_wxyz=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        opacity=np.full(count, 0.9, np.float32),
+        harmonics=np.zeros((count, 1, 3), np.float32),
+    )
+    bundle = replace(two_rooms, root=tmp_path)
+    save_splats(tmp_path, cloud)
+    server = LocalServer("splats")
+    try:
+        nodes = add_scene(server.scene, bundle, detail=Detail(splats=300))
+        kept = nodes.lower[0].buffer.view(np.float32)[:, :3]
+        np.testing.assert_allclose(np.sort(kept[:, 0]), np.sort(cloud.position[:300, 0]), atol=1e-6)
+        assert server.request_share_url() is None  # no tunnel to the internet
+    finally:
+        server.stop()
 
 
 def test_a_simplified_mesh_keeps_its_shape_and_texture():
