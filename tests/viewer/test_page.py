@@ -83,7 +83,7 @@ def scene(two_rooms, tmp_path) -> Path:
 @pytest.mark.chain
 def test_the_robot_moves_and_the_text_follows_when_play_is_pressed(server, scene, tmp_path):
     shown = open_run(server, scene, tmp_path)
-    with chromium(tmp_path) as page:
+    with chromium(tmp_path, 720, 600) as page:
         page.open(server.url)
         page.wait_for("Walk past the table.")
         page.wait("!!document.querySelector('canvas')")
@@ -103,7 +103,7 @@ def test_the_robot_moves_and_the_text_follows_when_play_is_pressed(server, scene
 @pytest.mark.chain
 def test_keys_step_and_a_flag_survives_a_reload_and_a_restart(server, scene, tmp_path):
     shown = open_run(server, scene, tmp_path)
-    with chromium(tmp_path) as page:
+    with chromium(tmp_path, 720, 600) as page:
         page.open(server.url)
         page.wait_for("Play")
         page.key("ArrowRight", "ArrowRight")
@@ -150,7 +150,7 @@ def test_a_page_is_saved_whole_and_opens_from_disk(server, scene, tmp_path):
     saved = tmp_path / "page.html"
     saved.write_text(saved_page(server, shown.player, "A <run>"), encoding="utf-8")
     assert saved.stat().st_size < 30e6
-    with chromium(tmp_path) as page:
+    with chromium(tmp_path, 720, 600) as page:
         page.open(saved.as_uri())
         page.wait("!!document.querySelector('canvas') && document.title === 'A <run>'")
         page.wait_for(SECOND)
@@ -162,7 +162,7 @@ def test_a_page_is_saved_whole_and_opens_from_disk(server, scene, tmp_path):
 @pytest.mark.chain
 def test_a_scene_shows_its_layers(server, two_rooms, tmp_path):
     SceneView(server, two_rooms)
-    with chromium(tmp_path) as page:
+    with chromium(tmp_path, 720, 600) as page:
         page.open(server.url)
         page.wait_for("Before ↔ after")
         page.wait_for("Obstacles")
