@@ -15,6 +15,7 @@ from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_sequences
 from vlnpe.datasets.tokens import training_tokens
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
+from vlnpe.learning.camera import view_of
 from vlnpe.learning.config import ModelConfig, TrainConfig, train_config
 from vlnpe.learning.models.heads import FUTURE
 from vlnpe.learning.models.registry import MODELS, Model
@@ -252,6 +253,19 @@ def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_pat
     path.write_bytes(b"no weights")
     with pytest.raises(InputError, match=r"resnet\.pt"):
         MODELS["cma"](20, model)
+
+
+def test_a_policy_has_the_rig_that_all_its_data_was_seen_from(tmp_path: Path) -> None:
+    names = ("ego", "rig:125cm_30deg", "rig:60cm_15deg:level", "chase")
+    data = {n: select_all([write_dataset(tmp_path, "h1", [0.5], camera=n)]) for n in names}
+    assert [view_of([seen]).camera for seen in data.values()] == [
+        "ego:96x64:90",
+        "rig:125cm_30deg:96x64:90",
+        "rig:60cm_15deg:level:96x64:90",
+        "ego:96x64:90",
+    ]
+    assert view_of([data["rig:125cm_30deg"]] * 2).camera == "rig:125cm_30deg:96x64:90"
+    assert view_of([data[n] for n in names[1:3]]).camera == "ego:96x64:90"
 
 
 def test_defaults_are_valid() -> None:
