@@ -96,14 +96,14 @@ def copy_beginnings(path: Path, outs: Sequence[Path]) -> None:
     """Write the first k + 1 frames of a video, unchanged, to `outs[k]`; not atomically."""
     with _corrupt_from(path, 0), open_video(path) as source:
         stream = source.streams.video[0]
-        ticks = ticks_per_frame(path, stream)
+        ticks, base = ticks_per_frame(path, stream), cast(Fraction, stream.time_base)
         packets = list(demux_packets(path, source, stream))
         for count, out in enumerate(outs, start=1):
             with av.open(str(out), "w", format="mp4") as container:
                 output = container.add_stream_from_template(stream, opaque=True)
-                output.time_base = stream.time_base
+                output.time_base = base
                 for frame, packet in enumerate(packets[:count]):
-                    packet.time_base = stream.time_base  # muxing changes it
+                    packet.time_base = base  # muxing changes it
                     _append(container, output, packet, frame, ticks)
 
 
