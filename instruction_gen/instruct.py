@@ -222,12 +222,7 @@ def composer_writer(config: InstructConfig, taken: set[str]) -> Writer:
     usage = Usage()
 
     def write(ground: Ground, rng: np.random.Generator) -> Written:
-        composed, problems = compose_texts(ground, config.count, config.styles, rng, taken, usage)
-        texts = [
-            WrittenText(c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts, steps=c.steps)
-            for c in composed
-        ]
-        return texts, problems
+        return compose_texts(ground, config.count, config.styles, rng, taken, usage)
 
     return write
 

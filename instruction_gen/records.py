@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..formats.core.errors import InputError, UnknownNameError
-from .composer.compose import STYLES
 from .language.claims import Step, step_record
 from .llm.settings import LlmSettings
 
+STYLES = ("natural", "terse", "rich")
 COMPOSER, LLM, LOCAL = "composer", "llm", "local"
 WRITERS = (COMPOSER, LLM, LOCAL)
 LANGUAGES = ("en", "hi", "zh")

@@ -12,9 +12,9 @@ from vlnpe.formats.scene.visibility import read_visibility
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import Usage, compose_texts
-from vlnpe.instruction_gen.composer.compose import STYLES
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.instruct import path_generator
+from vlnpe.instruction_gen.records import STYLES
 from vlnpe.pipeline.engine.run_folder import RunFolder
 
 from .diversity import table, words_of

@@ -17,7 +17,7 @@ import numpy as np
 
 from vlnpe.instruction_gen.checker import check_text
 from vlnpe.instruction_gen.composer import compose_texts
-from vlnpe.instruction_gen.composer.compose import STYLES
+from vlnpe.instruction_gen.records import STYLES
 
 from .corpus import PARTS, read_corpus
 

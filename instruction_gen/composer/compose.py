@@ -1,44 +1,24 @@
 """Write several texts for one path, each of them checked."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
-from ..language.claims import Step
+from ..records import COMPOSER, WrittenText
 from .along import bent, passed_events, start_events, with_distances
 from .names import Names
 from .realize import Usage, realize
-from .records import TASTES, VOICES, Event, Taste
+from .records import TASTES, Event, Taste
 from .steps import ambiguous, move_events
 from .stop import stop_events
 
-STYLES = VOICES
 DRAFTS = 32  # written for each text, the best is taken
 WORDS = {"terse": (5, 9), "natural": (21, 28), "rich": (37, 55)}
 _MOST_CHECKED = 16
-
-
-@dataclass(frozen=True)
-class Composed:
-    """A text of the composer.
-
-    Attributes:
-        style: one of `STYLES`.
-        steps: its sentences with what they claim.
-        kinds: of its events.
-        landmarks: names of the things it speaks of, in order.
-        attempts: how many drafts were checked.
-    """
-
-    text: str
-    style: str
-    steps: tuple[Step, ...]
-    kinds: tuple[str, ...]
-    landmarks: tuple[str, ...]
-    attempts: int
+_Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
 
 
 def compose_texts(
@@ -48,7 +28,7 @@ def compose_texts(
     rng: np.random.Generator,
     taken: Collection[str] = (),
     usage: Usage | None = None,
-) -> tuple[list[Composed], list[str]]:
+) -> tuple[list[WrittenText], list[str]]:
     """Write `count` different texts in turn in the given styles.
 
     Args:
@@ -58,26 +38,27 @@ def compose_texts(
 
     Returns:
         The texts that pass their check, as many as could be had, and, where that is none, why.
+        Their attempts are how many drafts were checked.
     """
     usage = Usage() if usage is None else usage
     if reason := ambiguous(ground.facts):
         return [], [reason]
-    result: list[Composed] = []
+    chosen: list[_Draft] = []
     problems: list[str] = []
     for number in range(count):
         style = styles[number % len(styles)]
-        drafts = [_draft(ground.facts, style, rng, usage, result) for _ in range(DRAFTS)]
+        drafts = [_draft(ground.facts, style, rng, usage, chosen) for _ in range(DRAFTS)]
         drafts.sort(key=lambda d: d[0])
-        for attempt, (_, one) in enumerate(drafts[:_MOST_CHECKED], start=1):
-            if one.text in taken or any(one.text == other.text for other in result):
+        for attempt, (score, text, kinds) in enumerate(drafts[:_MOST_CHECKED], start=1):
+            if text.text in taken or any(text.text == other.text for _, other, _ in chosen):
                 continue
-            verdict = check_text(one.text, ground, one.steps)
+            verdict = check_text(text.text, ground, text.steps)
             if verdict.ok:
-                result.append(replace(one, attempts=attempt))
-                usage.add(one.text)
+                chosen.append((score, replace(text, attempts=attempt), kinds))
+                usage.add(text.text)
                 break
             problems = list(verdict.problems)
-    return result, ([] if result else problems)
+    return [text for _, text, _ in chosen], ([] if chosen else problems)
 
 
 def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event]:
@@ -105,8 +86,8 @@ def _draft(
     style: str,
     rng: np.random.Generator,
     usage: Usage,
-    others: Sequence[Composed],
-) -> tuple[float, Composed]:
+    others: Sequence[_Draft],
+) -> _Draft:
     """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
     taste = TASTES[style]
     spread = float(rng.uniform(0.5, 1.3))
@@ -123,7 +104,7 @@ def _draft(
     low, high = WORDS[style]
     words = len(text.split())
     outside = max(low - words, words - high, 0) / high
-    shared = sum(mark in other.landmarks for mark in marks for other in others)
-    same = sum(kind in other.kinds for kind in kinds for other in others) / max(1, len(kinds))
+    shared = sum(mark in other.landmarks for mark in marks for _, other, _ in others)
+    same = sum(kind in used for kind in kinds for _, _, used in others) / max(1, len(kinds))
     score = usage.repetition(text) + 8.0 * outside + 0.15 * shared + 0.3 * same
-    return score, Composed(text, style, steps, kinds, marks, 0)
+    return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 from .refer import Reference
 
-VOICES = ("natural", "terse", "rich")
-
 
 @dataclass(frozen=True)
 class Event:
@@ -42,7 +40,7 @@ class Taste:
     """How much a draft mentions.
 
     Attributes:
-        voice: one of `VOICES`.
+        voice: one of `STYLES`.
         marks: how often a decision is tied to a thing, 0 … 1.
         start: how often the text says where the way starts.
         passed: things passed at most.

@@ -1,6 +1,6 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -109,7 +109,7 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     while todo:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
-        pair = _joined(move, after, result)
+        pair = _joined(move, after)
         if pair is None and taste.voice == "terse":
             pair = _through(move, after, names)
         if pair is not None:
@@ -148,7 +148,7 @@ def _through(move: Move, after: Move | None, names: Names) -> Event | None:
     return Event("onward", move.along_m, B=rooms[0], C=rooms[1])
 
 
-def _joined(move: Move, after: Move | None, before: Sequence[Event]) -> Event | None:
+def _joined(move: Move, after: Move | None) -> Event | None:
     """Return two turns as one manoeuvre."""
     if after is None or move.passage or after.passage or not (move.turn and after.turn):
         return None

@@ -16,17 +16,10 @@ from .doors import DOOR
 from .geometry import Track, track_of
 from .landmarks import PLAIN, landmarks_of
 from .level import LevelFacts
-from .records import (
-    LandmarkFact,
-    PassageFact,
-    PathFacts,
-    TurnFact,
-    VisitFact,
-)
+from .records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
 from .rooms import nouns_inside, rooms_near
 from .views import onward, room_ahead, views_of
 
-SMALL_TURN_RAD = np.deg2rad(20.0)
 _BEFORE_DOOR_M = 1.5
 _THRESHOLD_M, _NEAR_M = 0.7, 2.5
 _BEYOND_M, _BEHIND_FRAME_M = 0.5, 0.12
@@ -48,10 +41,7 @@ def path_facts(
     path = episode.reference_path_world_m[:, :2]
     track = track_of(path)
     length = path_length(path)
-    found = find_turns(path, episode.start_yaw_rad, SMALL_TURN_RAD)
-    turns = tuple(
-        TurnFact(round(t.along_m, 2), round(float(np.rad2deg(t.angle_rad)), 1)) for t in found
-    )
+    turns = find_turns(path, episode.start_yaw_rad)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
     landmarks = landmarks_of(shared, track, sight)
     crossed = _crossings(shared, path, length)

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 from skimage.measure import label
 
 from ...formats.scene.bundle import LabeledObject
@@ -84,11 +85,4 @@ def _borders(regions: RegionMap) -> NDArray[np.bool_]:
 
 
 def _grown(mask: NDArray[np.bool_], cells: int = _JOIN_CELLS) -> NDArray[np.bool_]:
-    grown = mask.copy()
-    for _ in range(cells):
-        padded = np.pad(grown, 1)
-        grown = (
-            padded[1:-1, 1:-1] | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2]
-            | padded[1:-1, 2:]
-        )  # fmt: skip
-    return grown
+    return np.asarray(binary_dilation(mask, iterations=cells))

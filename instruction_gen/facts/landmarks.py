@@ -12,10 +12,7 @@ from .colours import colour_name
 from .doors import DOOR
 from .geometry import Relations, Track, relations, skin_of
 from .level import LevelFacts
-from .records import (
-    LandmarkFact,
-    Moment,
-)
+from .records import LandmarkFact, Moment
 
 NEAR_M = 3.0  # a thing this near, with no wall between, is beside the path
 _MIN_SIZE_M = 0.45
@@ -62,7 +59,6 @@ def landmarks_of(
                 neighbour=neighbours[n],
                 near=near,
                 glimpses=glimpses,
-                floor_z_m=shared.bundle.level_floor_z_m[shared.level],
                 looked=sight is not None,
             )
         )
@@ -79,10 +75,10 @@ def _landmark(
     neighbour: str,
     near: NDArray[np.bool_],
     glimpses: Sequence[Glimpse],
-    floor_z_m: float,
     looked: bool,
 ) -> LandmarkFact:
     thing, noun = shared.things[n], shared.nouns[n]
+    floor_z_m = shared.bundle.level_floor_z_m[shared.level]
     # Where it is nearest in the open; behind a wall only if it is never in the open.
     distance = np.where(where.open[:, n], where.distance_m[:, n], where.distance_m[:, n] + 100.0)
     k = int(np.argmin(distance))
@@ -99,8 +95,8 @@ def _landmark(
         and low <= _BOTTOM_M
     )
     if looked:
-        nameable = nameable and best is not None and best.pixels >= _MIN_PIXELS
-        nameable = nameable and best is not None and best.occluded <= _MAX_OCCLUDED
+        seen = best is not None and best.pixels >= _MIN_PIXELS and best.occluded <= _MAX_OCCLUDED
+        nameable = nameable and seen
     pixels: dict[int, int] = {}
     for g in glimpses:
         pixels[int(np.argmin(np.abs(track.along_m - g.along_m)))] = g.pixels
@@ -154,25 +150,13 @@ def _moments(
     track: Track, where: Relations, n: int, at: NDArray[np.intp], pixels: Mapping[int, int]
 ) -> tuple[Moment, ...]:
     """Return where box `n` is at some samples of the track, whose `pixels` are 0 by default."""
-    columns = zip(
-        at.tolist(),
-        track.along_m[at].tolist(),
-        where.distance_m[at, n].tolist(),
-        np.rad2deg(where.bearing_rad[at, n]).tolist(),
-        np.rad2deg(where.facing_rad[at, n]).tolist(),
-        where.open[at, n].tolist(),
-        strict=True,
-    )
+    metres = np.stack([track.along_m[at], where.distance_m[at, n]], axis=1)
+    degrees = np.rad2deg([where.bearing_rad[at, n], where.facing_rad[at, n]]).T
     return tuple(
-        Moment(
-            round(along, 2),
-            round(distance, 2),
-            round(bearing, 1),
-            round(facing, 1),
-            clear,
-            pixels.get(i, 0),
+        Moment(round(along, 2), round(far, 2), round(a, 1), round(b, 1), clear, pixels.get(i, 0))
+        for i, (along, far), (a, b), clear in zip(
+            at.tolist(), metres.tolist(), degrees.tolist(), where.open[at, n].tolist(), strict=True
         )
-        for i, along, distance, bearing, facing, clear in columns
     )
 
 

@@ -1,7 +1,7 @@
 """Noun phrases, distances and sides in a row of tokens."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from .claims import Claim
 from .lexicon import ADJECTIVES, COLOURS, DOORS, MATERIALS, OBJECT_PHRASES, ROOM_PHRASES, singular
@@ -27,35 +27,8 @@ _SIDES = ("left", "right")
 _VAGUE_M = 2.0
 
 
-@dataclass(frozen=True)
-class Phrase:
-    """A target that a text names.
-
-    Attributes:
-        what, name, side, ordinal, count, colour, material, room: as in `claims.Claim`.
-        plural: several are meant.
-        used: indices of the tokens it consists of.
-    """
-
-    what: str
-    name: str = ""
-    side: str = ""
-    ordinal: int = 0
-    count: int = 0
-    colour: str = ""
-    material: str = ""
-    room: str = ""
-    plural: bool = False
-    used: tuple[int, ...] = ()
-
-    def claim(self, kind: str, **more: object) -> Claim:
-        """Return a claim about the target."""
-        count = self.count or (2 if self.plural and self.what == "thing" else 0)
-        claim = Claim(
-            kind, self.what, self.name, self.side, self.ordinal, count if self.count else 0,
-            self.colour, self.material, self.room,
-        )  # fmt: skip
-        return replace(claim, **more)  # type: ignore[arg-type]
+# A target that is named, as a claim that it is seen; the tokens that name it; the one after it.
+Phrase = tuple[Claim, tuple[int, ...], int]
 
 
 def noun_kind(word: str) -> str:
@@ -68,8 +41,8 @@ def noun_kind(word: str) -> str:
     return "thing" if word in OBJECT_PHRASES or one in OBJECT_PHRASES else ""
 
 
-def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
-    """Return the target that begins at token `k` and the token after it, None where none does."""
+def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
+    """Return the target that begins at token `k`, None where none does."""
     first = k
     side, ordinal, count, colour, material = "", 0, 0, "", ""
     used: list[int] = []
@@ -112,28 +85,27 @@ def read_phrase(tokens: Sequence[Token], k: int) -> tuple[Phrase, int] | None:
         if k < len(tokens) and tokens[k].text == "'s":
             used.append(k)
             k += 1
-    if not names:
-        return None
-    return _named(tokens, k, names, Phrase(
-        "", "", side, ordinal, count, colour, material, used=tuple(used)))  # fmt: skip
+    seen = Claim("see", "", "", side, ordinal, count, colour, material)
+    return _named(tokens, k, names, seen, tuple(used)) if names else None
 
 
 # Nouns that are verbs where no determiner goes before them.
 _VERBLIKE = frozenset("exit stand steps light range screen board tub entrance sign bar".split())
 
 
-def _named(tokens: Sequence[Token], k: int, names: list[str], phrase: Phrase) -> tuple[Phrase, int]:
+def _named(
+    tokens: Sequence[Token], k: int, names: list[str], seen: Claim, used: tuple[int, ...]
+) -> Phrase:
     head, before = names[-1], names[:-1]
     what = noun_kind(head)
     room = next((n for n in before if noun_kind(n) == "room"), "")
-    plural = head != singular(head) and head not in OBJECT_PHRASES
     name = head if head in OBJECT_PHRASES or head in ROOM_PHRASES else singular(head)
     if what == "door":
         name = ""
     elif what == "thing":
         kinds = [n for n in before if noun_kind(n) == "thing"]
         name = " ".join([*kinds, name])
-    phrase = replace(phrase, what=what, name=name, room=room, plural=plural)
+    target = replace(seen, what=what, name=name, room=room)
     # "The door of the bedroom", "the table in the kitchen".
     after = k
     joined = ("of", "to", "from", "in") if what == "door" else ("of", "in")
@@ -141,13 +113,12 @@ def _named(tokens: Sequence[Token], k: int, names: list[str], phrase: Phrase) ->
         after += 1
     if not room and after < len(tokens) and PREP_OF.get(tokens[after].text) in joined:
         link = tokens[after].text
-        more = read_phrase(tokens, after + 1)
-        if more and more[0].what == "room" and what != "room" and not more[0].ordinal:
-            used = (*phrase.used, *range(k, after + 1), *more[0].used)
-            return replace(phrase, room=more[0].name, used=used), more[1]
-        if more and what == "door" and link == "of" and more[0].what == "thing":
-            return replace(phrase, used=(*phrase.used, after, *more[0].used)), more[1]
-    return phrase, k
+        owner, more, end = read_phrase(tokens, after + 1) or (Claim("see"), (), 0)
+        if owner.what == "room" and what != "room" and not owner.ordinal:
+            return replace(target, room=owner.name), (*used, *range(k, after + 1), *more), end
+        if what == "door" and link == "of" and owner.what == "thing":
+            return target, (*used, after, *more), end
+    return target, used, k
 
 
 _LINKS = frozenset("leading leads that opening opens which goes going".split())

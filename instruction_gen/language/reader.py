@@ -8,7 +8,7 @@ from .claims import Claim, Step
 from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
-from .phrases import Phrase, read_distance, read_phrase, read_side
+from .phrases import read_distance, read_phrase, read_side
 from .targets import claim_of, forbidden, sided, stop_at
 from .tokens import Token, tokenize
 from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
@@ -188,8 +188,8 @@ class _Reader:
             elif (part := part_end(tokens, k)) > k:
                 k, prep = part, "along" if prep == "to" else prep
             elif (not verb_at(tokens, k) or word == "exit") and (phrase := read_phrase(tokens, k)):
-                target, end = phrase
-                clause.used.update(target.used)
+                target, used, end = phrase
+                clause.used.update(used)
                 if side_next and not target.side:
                     target, side_next = replace(target, side=side_next), ""
                 claim = self._target(clause, target, prep, stop)
@@ -218,7 +218,7 @@ class _Reader:
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
 
-    def _target(self, clause: Clause, target: Phrase, prep: str, stop: bool) -> Claim | None:
+    def _target(self, clause: Clause, target: Claim, prep: str, stop: bool) -> Claim | None:
         if stop and (clause.verb == "stop" or prep not in ("through", "from", "into")):
             return stop_at(target, prep, clause)
         return claim_of(target, prep, clause)

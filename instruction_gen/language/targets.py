@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
-from .phrases import Phrase
 
 # Of each kind of target: prepositions, verbs with any preposition, verbs without one, and what is
 # claimed. The first row that holds any of them decides; "-" is no verb.
@@ -36,15 +35,15 @@ _PLACE = {
 }  # fmt: skip
 
 
-def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
+def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     """Return what a clause that does not stop claims about a target after a preposition."""
     if clause.before:
-        return target.claim("see")
+        return target
     verb = clause.verb
     kind = _kind(target.what, prep, verb or "-")
     if target.what == "room":
         if not kind and not verb and not prep:
-            return target.claim("in") if clause.negated else None
+            return replace(target, kind="in") if clause.negated else None
         # "Until you reach the hall" says where the walker is, not that he enters it there.
         if kind == "enter" and verb != "enter" and (
             clause.until or (verb == "reach" and prep != "into")
@@ -56,11 +55,11 @@ def claim_of(target: Phrase, prep: str, clause: Clause) -> Claim | None:
         kind = "see"  # "bathroom door right, kitchen door left"
     elif not kind and not verb and clause.prep == "past":
         kind = "pass"
-    claim = target.claim(kind or _ELSE[target.what])
+    target = replace(target, kind=kind or _ELSE[target.what])
     if kind == "pass" and target.what == "thing":
         degree, place = "slight" if prep == "around" else "", prep if prep == "between" else ""
-        return replace(claim, degree=degree, place=place)
-    return claim
+        return replace(target, degree=degree, place=place)
+    return target
 
 
 def _kind(what: str, prep: str, verb: str) -> str:
@@ -70,7 +69,7 @@ def _kind(what: str, prep: str, verb: str) -> str:
     return ""
 
 
-def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
+def stop_at(target: Claim, prep: str, clause: Clause) -> Claim | None:
     """Return the stop of a clause at a target after a preposition."""
     place = _PLACE.get(prep, "at")
     if clause.until:
@@ -79,7 +78,7 @@ def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
         if clause.verb == "leave":
             return None
         if place == "past":
-            return target.claim("see")
+            return target
         reached = clause.until and clause.verb in ("enter", "reach") and place == "at"
         place = "inside" if reached or prep == "along" else place
     elif target.what == "door":
@@ -89,7 +88,7 @@ def stop_at(target: Phrase, prep: str, clause: Clause) -> Claim | None:
     elif place == "at" and prep and clause.claims and clause.claims[-1].kind == "stop":
         place = "between"  # "the armchair near the TV"
     facing = prep == "with" and target.what == "thing" and not target.side
-    return target.claim("stop", place=place, side="ahead" if facing else target.side)
+    return replace(target, kind="stop", place=place, side="ahead" if facing else target.side)
 
 
 def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:

@@ -150,12 +150,8 @@ class Client:
 
     def key(self, messages: Messages, form: type[BaseModel] = Answer) -> str:
         """Return what an answer is cached under."""
-        parts = [
-            self.settings.model,
-            self.settings.temperature,
-            list(messages),
-            answer_schema(form),
-        ]
+        model, heat = self.settings.model, self.settings.temperature
+        parts = [model, heat, list(messages), answer_schema(form)]
         return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
     def _check_up(self, reason: str = "") -> None:
@@ -201,10 +197,9 @@ def openai_backend(
     """
     import openai
 
-    key = os.environ.get(API_KEY) or "none"
     sdk = openai.OpenAI(
         base_url=settings.base_url,
-        api_key=key,
+        api_key=os.environ.get(API_KEY) or "none",
         timeout=settings.timeout_s,
         max_retries=0,
         default_headers={"Accept-Encoding": "identity"},
@@ -228,7 +223,7 @@ def openai_backend(
             done = within(settings.timeout_s, create)
             return Reply(content_of(done), usage_of(done, settings, messages))
         except openai.APIStatusError as error:
-            raise _status(error, forms, key) from None
+            raise _status(error, forms) from None
         except ReplyError as error:
             raise RetryableError(str(error)) from None
         except openai.APITimeoutError:
@@ -243,7 +238,7 @@ def openai_backend(
     return send
 
 
-def _status(error: Any, forms: list[dict[str, Any]], key: str) -> Exception:
+def _status(error: Any, forms: list[dict[str, Any]]) -> Exception:
     """Return what to raise for a bad status.
 
     Never the server's own words, which may repeat the key.

@@ -5,7 +5,7 @@ import numpy as np
 from ...formats.core.errors import InputError
 from ..checker import Ground, Verdict, check_text
 from ..composer import compose_texts
-from ..records import COMPOSER, InstructConfig, WrittenText
+from ..records import InstructConfig, WrittenText
 from .answers import Text
 from .brief import first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
@@ -55,12 +55,7 @@ class ModelWriter:
             if missing and language == "en":
                 composed, problems = compose_texts(ground, len(missing), missing, rng, texts)
                 self.replaced += len(composed)
-                good += [
-                    WrittenText(
-                        c.text, "en", c.style, COMPOSER, c.landmarks, c.attempts, steps=c.steps
-                    )
-                    for c in composed
-                ]
+                good += composed
             written += good
         return written, ([] if written else problems)
 

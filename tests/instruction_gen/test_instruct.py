@@ -17,7 +17,7 @@ from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
-from vlnpe.instruction_gen.composer.compose import STYLES, plan
+from vlnpe.instruction_gen.composer.compose import plan
 from vlnpe.instruction_gen.composer.grammar import grammar
 from vlnpe.instruction_gen.composer.records import TASTES
 from vlnpe.instruction_gen.composer.refer import refer
@@ -30,7 +30,7 @@ from vlnpe.instruction_gen.language.claims import read_steps
 from vlnpe.instruction_gen.language.nouns import noun_of, spoken
 from vlnpe.instruction_gen.language.phrases import is_known
 from vlnpe.instruction_gen.language.tokens import tokenize
-from vlnpe.instruction_gen.records import InstructConfig
+from vlnpe.instruction_gen.records import STYLES, InstructConfig
 from vlnpe.instruction_gen.show import show_path
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes

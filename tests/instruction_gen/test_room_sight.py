@@ -9,7 +9,7 @@ import pytest
 from tests.support.episodes import episode_along
 from tests.support.misbehaving_server import CUT, Server, completion
 from vlnpe.instruction_gen.checker import Ground, check_text
-from vlnpe.instruction_gen.composer.compose import STYLES, compose_texts
+from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.named import NamedRoom
 from vlnpe.instruction_gen.llm.budget import BudgetError
@@ -17,6 +17,7 @@ from vlnpe.instruction_gen.llm.client import Client, ModelDownError, openai_back
 from vlnpe.instruction_gen.llm.rooms import RoomSight, name_rooms
 from vlnpe.instruction_gen.llm.settings import LlmSettings
 from vlnpe.instruction_gen.llm.sight import Tally, View
+from vlnpe.instruction_gen.records import STYLES
 from vlnpe.wayfinding.regions import region_map
 
 # Rooms x 0 … 4 and x 4 … 8; a frame shows the floor around a place.
