@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from .claims import Claim
+from .tables import closed
 from .tokens import Token
 from .words import (
     BENDS,
@@ -21,16 +22,13 @@ _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
-_AUXILIARY = frozenset("have has had having will should just already".split())
-_NOT_VERB_AFTER = frozenset("'s one left right next other far dead front near".split())
-_ALSO_NOUNS = frozenset("round clear open clean water bend".split())
-_GOES = frozenset("leads lead runs goes comes takes".split())
-_OPENS = frozenset("opens open".split())  # "the kitchen opens on your left"
+_AUXILIARY = closed("auxiliary")
+_NOT_VERB_AFTER = closed("no verb after")
+_ALSO_NOUNS = closed("noun, too")
+_GOES = closed("way goes")
+_OPENS = closed("opens")
 
-_PART_WORDS = frozenset(
-    "far near other opposite long short left right first second very front back whole same "
-    "further closest nearest".split()
-)
+_PART_WORDS = closed("before a part")
 
 
 @dataclass

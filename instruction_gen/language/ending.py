@@ -4,14 +4,13 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
+from .tables import closed
 
 MOVES = frozenset("leave enter door turn pass reach walk".split())
 # The first sentence says where the walk ends, if one of these is in it: the first ones if the text
 # says to stop as well.
-_ANNOUNCE = frozenset(
-    "aim goal target destination finish finishes ends place spot point headed bound stop".split()
-)
-_MAY_ANNOUNCE = _ANNOUNCE | frozenset("yourself want wants after find TOWARD".split())
+_ANNOUNCE = closed("announces")
+_MAY_ANNOUNCE = _ANNOUNCE | closed("may announce")
 
 
 def arrange(clauses: list[Clause]) -> None:

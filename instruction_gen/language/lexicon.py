@@ -6,11 +6,9 @@ them names no landmark. So labels stay data, whatever they say.
 
 from functools import lru_cache
 
-from .tables import table_text
+from .tables import closed, table_text
 
-DOORS = frozenset(
-    "door doors doorway doorways archway arch opening entrance exit gap passage doorframe".split()
-)
+DOORS = closed("door")
 _COLOURS = """black white grey=gray,silver red=maroon orange yellow=golden green=teal,olive
     blue=navy,turquoise purple=violet pink brown beige=cream,tan"""
 COLOURS = {
@@ -35,13 +33,7 @@ MATERIALS = {
     "fabric": "fabric", "brick": "brick",
 }  # fmt: skip
 # Adjectives that nothing in a scene can refute.
-ADJECTIVES = frozenset(
-    """large small big little long tall short wide narrow low high round square open closed nearby
-    next last final adjacent adjoining far near main empty single nearest closest whole entire
-    immediate very same other only left right lefthand righthand left-hand right-hand left-side
-    right-side two-seat potted nice old new furnished bright dark quick slight sharp hard full
-    gentle short brief couple first straight double soft wide-open opposite facing""".split()
-)
+ADJECTIVES = closed("adjective")
 _IRREGULAR = {
     "shelves": "shelf", "bookshelves": "bookshelf", "benches": "bench", "couches": "couch",
     "dishes": "dishes", "boxes": "box", "steps": "steps", "stairs": "stairs",

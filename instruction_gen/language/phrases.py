@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .lexicon import ADJECTIVES, COLOURS, DOORS, MATERIALS, OBJECT_PHRASES, ROOM_PHRASES, singular
+from .tables import closed
 from .tokens import Token
 from .words import (
     DETERMINERS,
@@ -90,7 +91,7 @@ def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
 
 
 # Nouns that are verbs where no determiner goes before them.
-_VERBLIKE = frozenset("exit stand steps light range screen board tub entrance sign bar".split())
+_VERBLIKE = closed("noun, or verb")
 
 
 def _named(
@@ -121,7 +122,7 @@ def _named(
     return target, used, k
 
 
-_LINKS = frozenset("leading leads that opening opens which goes going".split())
+_LINKS = closed("door leads")
 
 
 def _leads_to_noun(tokens: Sequence[Token], k: int) -> bool:
@@ -196,11 +197,8 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
     return None
 
 
-_ONE_UNIT = frozenset("a an another more one little".split())
-_IN_DISTANCE = frozenset(
-    "a an another more of and or to the about around roughly last further good full next other "
-    "extra additional final small little short big long quick - – mere".split()
-)
+_ONE_UNIT = closed("one unit")
+_IN_DISTANCE = closed("in a distance")
 
 
 def read_side(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] | None:
@@ -230,7 +228,7 @@ def read_side(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] | None:
     return side, placed, k
 
 
-_TO_SIDE = frozenset("on to at off over your the my our its toward towards immediate far a".split())
+_TO_SIDE = closed("to a side")
 
 
 def _hand(tokens: Sequence[Token], k: int) -> bool:

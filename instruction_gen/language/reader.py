@@ -9,20 +9,14 @@ from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
+from .tables import closed
 from .targets import claim_of, forbidden, sided, stop_at
 from .tokens import Token, tokenize
 from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
 
 # "The table, which stays on your right": no way of the walker.
-_STAYS = frozenset(
-    "stay stays staying lie lies lying is are remain remains being keep keeping keeps be will "
-    "should".split()
-)
-_LISTING = frozenset(
-    "both all again also each too a bit little just slightly now directly immediately again off "
-    "over still as before always and ahead straight further back well two three one which that it "
-    "them".split()
-)
+_STAYS = closed("stays")
+_LISTING = closed("in a list")
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())

@@ -4,6 +4,7 @@ import re
 from dataclasses import dataclass, replace
 
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
+from .tables import closed
 from .words import LONGEST_PHRASE, NUMBERS, phrases
 
 _TOKEN = re.compile(r"[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
@@ -14,11 +15,8 @@ _LONGEST_NOUN = 4
 # Marks that nothing follows: not "go in the kitchen", not "turn around the table".
 _LONE = frozenset("GO_IN GO_OUT GO_THROUGH TURN_AROUND".split())
 # What may follow `go in` where it is not "go in the kitchen".
-_ALONE = frozenset("and then but so there here again when once until".split())
-_PLACED = frozenset(
-    "ahead on in behind to at right left off next beside just there where over straight your a the "
-    "an not our by past".split()
-)
+_ALONE = closed("alone")
+_PLACED = closed("place follows")
 
 
 @dataclass(frozen=True)
