@@ -10,11 +10,11 @@ import re
 from collections.abc import Sequence
 
 from ..language.claims import Claim, Step
-from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
-from ..language.phrases import is_known, noun_kind, number_of, read_phrase
+from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
+from ..language.phrases import read_phrase
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize
-from ..language.words import NEGATIONS, ORDINALS, PRONOUNS, VERB_OF
+from ..language.words import NEGATIONS, ORDINALS, PRONOUNS, VERB_OF, is_known, number_of
 
 # Which claims account for a verb.
 _VERBS = {

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from ..language.claims import Step
-from ..language.phrases import is_known
 from ..language.reader import readings
+from ..language.words import is_known
 from .accounting import accounting_problems
 from .form import form_problems
 from .ground import Ground

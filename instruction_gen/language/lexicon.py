@@ -82,3 +82,13 @@ def _phrases(table: dict[str, tuple[frozenset[str], frozenset[str]]]) -> dict[st
 # Phrase → the canonical nouns or rooms that may be called so.
 OBJECT_PHRASES = _phrases(OBJECTS)
 ROOM_PHRASES = _phrases(ROOMS)
+
+
+def noun_kind(word: str) -> str:
+    """Return `thing`, `room` or `door` for a noun, "" for other words."""
+    forms = {word, singular(word)}
+    if forms & DOORS:
+        return "door"
+    if forms & ROOM_PHRASES.keys():
+        return "room"
+    return "thing" if forms & OBJECT_PHRASES.keys() else ""

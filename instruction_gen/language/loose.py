@@ -2,23 +2,9 @@
 
 from .claims import Step
 from .clauses import Clause
-from .phrases import is_known, number_of, read_phrase
-from .words import (
-    DETERMINERS,
-    FILLERS,
-    JOINTS,
-    NEGATIONS,
-    ORDINALS,
-    PARTS,
-    PREP_OF,
-    SHARP,
-    SLIGHT,
-    VERB_OF,
-)
+from .phrases import read_phrase
+from .words import DETERMINERS, NEGATIONS, PREP_OF, SMALL, is_known, number_of
 
-_SMALL_WORDS = (
-    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP,
-)  # fmt: skip
 _ADJECTIVE = (
     "y", "ed", "ing", "ful", "ous", "ive", "al", "less", "ish", "en", "ern", "ic", "ly", "est",
     "ible", "able",
@@ -38,7 +24,7 @@ def step_of(clause: Clause, text: str) -> Step:
 
 def _is_content(word: str) -> bool:
     """Return whether a word says something that should be covered by a claim."""
-    return _is_closed(word) or not (word == "'s" or any(word in table for table in _SMALL_WORDS))
+    return _is_closed(word) or not (word == "'s" or word in SMALL)
 
 
 def _is_closed(word: str) -> bool:

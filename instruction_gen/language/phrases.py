@@ -4,24 +4,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from .claims import Claim
-from .lexicon import ADJECTIVES, COLOURS, DOORS, MATERIALS, OBJECT_PHRASES, ROOM_PHRASES, singular
+from .lexicon import (
+    ADJECTIVES,
+    COLOURS,
+    MATERIALS,
+    OBJECT_PHRASES,
+    ROOM_PHRASES,
+    noun_kind,
+    singular,
+)
 from .tables import closed
 from .tokens import Token
 from .words import (
     DETERMINERS,
-    FILLERS,
-    JOINTS,
-    NEGATIONS,
     NUMBERS,
     ORDINALS,
-    PARTS,
     PREP_OF,
-    PRONOUNS,
-    SHARP,
-    SLIGHT,
     UNITS_M,
     VAGUE_COUNTS,
     VERB_OF,
+    number_of,
 )
 
 _SIDES = ("left", "right")
@@ -30,16 +32,6 @@ _VAGUE_M = 2.0
 
 # A target that is named, as a claim that it is seen; the tokens that name it; the one after it.
 Phrase = tuple[Claim, tuple[int, ...], int]
-
-
-def noun_kind(word: str) -> str:
-    """Return `thing`, `room` or `door` for a noun, "" for other words."""
-    one = singular(word)
-    if word in DOORS or one in DOORS:
-        return "door"
-    if word in ROOM_PHRASES or one in ROOM_PHRASES:
-        return "room"
-    return "thing" if word in OBJECT_PHRASES or one in OBJECT_PHRASES else ""
 
 
 def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
@@ -139,13 +131,6 @@ def _leads_to_noun(tokens: Sequence[Token], k: int) -> bool:
         (bool(noun_kind(tokens[k].text)) and not (tokens[k].text in _VERBLIKE and k == 0))
         or tokens[k].text in ("wall", "side", "hand", "one")
     )
-
-
-def number_of(word: str) -> float | None:
-    """Return the value of a number in words or digits, None for other words."""
-    if word in NUMBERS:
-        return NUMBERS[word]
-    return float(word) if word.replace(".", "", 1).isdigit() else None
 
 
 def _is_unit(tokens: Sequence[Token], k: int) -> bool:
@@ -249,21 +234,3 @@ def _before_or_behind(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] 
     if two == ["ahead"] or (two[:1] == ["ahead"] and two[1] not in DETERMINERS):
         return "ahead", True, k + 1
     return None
-
-
-def is_known(word: str) -> bool:
-    """Return whether a word is in any table."""
-    return (
-        not word[0].isalpha()
-        or word.isupper()
-        or bool(noun_kind(word))
-        or any(word in table for table in _TABLES)
-        or number_of(word) is not None
-        or "_" in word
-    )
-
-
-_TABLES = (
-    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ADJECTIVES, COLOURS, MATERIALS, ORDINALS, UNITS_M,
-    PARTS, VAGUE_COUNTS, NEGATIONS, JOINTS, PRONOUNS, SLIGHT, SHARP, frozenset(_SIDES),
-)  # fmt: skip

@@ -2,7 +2,8 @@
 
 from functools import cache
 
-from .tables import closed, kind_of_word, table_text
+from .lexicon import ADJECTIVES, COLOURS, MATERIALS, noun_kind
+from .tables import closed, kind_of_word, rows_of, table_text
 
 # The kind of each form; of two verbs in a clause the first that is not `go` decides.
 VERB_OF = kind_of_word("verbs")
@@ -21,11 +22,9 @@ RIGHT_ADVERB = closed("after right")
 DETERMINERS = closed("determiner")
 PRONOUNS = closed("pronoun")
 UNITS_M = {word: float(metres) for word, metres in kind_of_word("units").items()}
-_SMALL = (
-    "zero one two three four five six seven eight nine ten eleven twelve thirteen fourteen fifteen "
-    "sixteen seventeen eighteen nineteen"
-).split()
-_TENS = "twenty thirty forty fifty sixty seventy eighty ninety".split()
+_SMALL, _TENS, _ORDINALS = (
+    rows_of("closed")[name] for name in ("zero to nineteen", "tens", "ordinals")
+)
 NUMBERS: dict[str, float] = {
     **{word: float(n) for n, word in enumerate(_SMALL)},
     **{word: 10.0 * n for n, word in enumerate(_TENS, start=2)},
@@ -34,21 +33,36 @@ NUMBERS: dict[str, float] = {
     "hundred": 100.0, "thousand": 1000.0, "dozen": 12.0, "half": 0.5, "quarter": 0.25,
     "double": 2.0, "couple": 2.0, "pair": 2.0,
 }  # fmt: skip
-_ORDINALS = (
-    "first second third fourth fifth sixth seventh eighth ninth tenth eleventh twelfth thirteenth "
-    "fourteenth fifteenth sixteenth seventeenth eighteenth nineteenth twentieth"
-).split()
 ORDINALS = {
     **{word: n for n, word in enumerate(_ORDINALS, start=1)},
     **{f"{n}{e}": n for n in range(1, 31) for e in ("st", "nd", "rd", "th")},
-    "last": -1,
-    "final": -1,
+    **{"last": -1, "final": -1},
 }
 VAGUE_COUNTS = closed("vague count")
 # Parts of a thing or room, which stand for it: "past the end of the table".
 PARTS = closed("part")
 # Nouns without a place, and small words that claim nothing.
 FILLERS = frozenset(table_text("fillers").split())
+# Words that need no claim: they say nothing that facts can refute.
+SMALL = frozenset().union(
+    FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP
+)
+_KNOWN = SMALL.union(
+    ADJECTIVES, COLOURS, MATERIALS, UNITS_M, VAGUE_COUNTS, NEGATIONS, PRONOUNS, ("left", "right")
+)
+
+
+def number_of(word: str) -> float | None:
+    """Return the value of a number in words or digits, None for other words."""
+    if word in NUMBERS:
+        return NUMBERS[word]
+    return float(word) if word.replace(".", "", 1).isdigit() else None
+
+
+def is_known(word: str) -> bool:
+    """Return whether a word is in any table."""
+    named = word in _KNOWN or bool(noun_kind(word)) or number_of(word) is not None
+    return named or not word[0].isalpha() or word.isupper() or "_" in word
 
 
 @cache

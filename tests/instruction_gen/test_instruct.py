@@ -28,8 +28,8 @@ from vlnpe.instruction_gen.facts.records import TurnFact
 from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.language.claims import read_steps
 from vlnpe.instruction_gen.language.nouns import noun_of, spoken
-from vlnpe.instruction_gen.language.phrases import is_known
 from vlnpe.instruction_gen.language.tokens import tokenize
+from vlnpe.instruction_gen.language.words import is_known
 from vlnpe.instruction_gen.records import STYLES, InstructConfig
 from vlnpe.instruction_gen.show import show_path
 from vlnpe.trajectory_sampler.config import SampleConfig
