@@ -189,12 +189,7 @@ def instruct_episodes(
     return result
 
 
-def _writer(
-    config: InstructConfig,
-    taken: set[str],
-    cache: Path,
-    result: InstructResult,
-) -> Writer:
+def _writer(config: InstructConfig, taken: set[str], cache: Path, result: InstructResult) -> Writer:
     if config.writer == COMPOSER:
         return composer_writer(config, taken)
     settings = config.llm

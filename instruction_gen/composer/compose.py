@@ -82,11 +82,7 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
 
 
 def _draft(
-    facts: PathFacts,
-    style: str,
-    rng: np.random.Generator,
-    usage: Usage,
-    others: Sequence[_Draft],
+    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage, others: Sequence[_Draft]
 ) -> _Draft:
     """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
     taste = TASTES[style]

@@ -150,10 +150,7 @@ def _thing_at(shared: LevelFacts, crossing: Crossing) -> str:
 
 
 def _visits(
-    shared: LevelFacts,
-    path: NDArray[np.float64],
-    crossed: Sequence[Crossing],
-    length: float,
+    shared: LevelFacts, path: NDArray[np.float64], crossed: Sequence[Crossing], length: float
 ) -> tuple[VisitFact, ...]:
     knots = [0.0, *(round(c.along_m, 2) for c in crossed), round(length, 2)]
     # A step over the threshold of the next room is no visit: the last room is the one before it.
@@ -167,11 +164,7 @@ def _visits(
 
 
 def _visit(
-    shared: LevelFacts,
-    inside: Sequence[frozenset[str]],
-    region: int,
-    from_m: float,
-    to_m: float,
+    shared: LevelFacts, inside: Sequence[frozenset[str]], region: int, from_m: float, to_m: float
 ) -> VisitFact:
     if region < 0:
         return VisitFact("", from_m, to_m)

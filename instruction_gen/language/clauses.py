@@ -6,17 +6,7 @@ from dataclasses import dataclass, field
 from .claims import Claim
 from .tables import closed
 from .tokens import Token
-from .words import (
-    BENDS,
-    DETERMINERS,
-    JOINTS,
-    ORDINALS,
-    PARTS,
-    PREP_OF,
-    SHARP,
-    SLIGHT,
-    VERB_OF,
-)
+from .words import BENDS, DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT, VERB_OF
 
 _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")

@@ -63,9 +63,7 @@ def _end(clauses: list[Clause]) -> None:
     last = stops[-1]
     for k in stops[:-1]:
         clause = clauses[k]
-        if clause.tokens[0].text == "stand" and not any(m < k for m in moves):
-            clause.claims = []  # how the walker stands at the start
-        elif clause.sentence < clauses[last].sentence and any(k < m <= last for m in moves):
+        if clause.sentence < clauses[last].sentence and any(k < m <= last for m in moves):
             clause.claims = [
                 replace(c, kind="reach", place="") if c.kind == "stop" else c
                 for c in clause.claims

@@ -105,12 +105,9 @@ def _named(
     while after < len(tokens) and tokens[after].text in _LINKS and what == "door":
         after += 1
     if not room and after < len(tokens) and PREP_OF.get(tokens[after].text) in joined:
-        link = tokens[after].text
         owner, more, end = read_phrase(tokens, after + 1) or (Claim("see"), (), 0)
         if owner.what == "room" and what != "room" and not owner.ordinal:
             return replace(target, room=owner.name), (*used, *range(k, after + 1), *more), end
-        if what == "door" and link == "of" and owner.what == "thing":
-            return target, (*used, after, *more), end
     return target, used, k
 
 

@@ -73,8 +73,6 @@ class _Reader:
         verbs = [v for k in range(len(tokens)) if (v := verb_at(tokens, k))]
         strong = [v for v in verbs if v not in ("go", "see")]
         clause.verb = (strong or verbs or [""])[0]
-        if clause.verb == "turn" and "stop" in strong:
-            clause.verb = "stop"
         clause.negated = clause.says(*NEGATIONS)
         if not verbs and clause.joint in ("and", ",", "or", "then"):
             self._inherit(clause)
@@ -239,19 +237,11 @@ class _Reader:
             placed: `on your left`, not `left`.
         """
         tokens, claims, verb = clause.tokens, clause.claims, clause.verb
-        if verb == "see" and k and verb_at(tokens, k - 1) in ("go", "turn"):
-            verb = "go"  # "once you are in the hall go left"
         named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
         alone = not placed and verb in ("", "see", "pass", "stop") and not after
         turned = any(c.kind == "turn" for c in claims)
-        if not placed and clause.joint == "(" and end - k == len(tokens):
-            previous = self.before.claims if self.before is not None else []
-            if previous and previous[-1].what:
-                sided(previous, -1, side)
-                clause.used.update(range(k, end))
-            return ""
         if not (placed or clause.joint or clause.until) and end - k == len(tokens) \
                 and self._is_no_turn():  # fmt: skip
             return ""  # "Right, off we go"

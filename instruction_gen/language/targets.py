@@ -53,8 +53,6 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
         kind = "" if verb not in ("enter", "leave") else kind
     elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
         kind = "see"  # "bathroom door right, kitchen door left"
-    elif not kind and not verb and clause.prep == "past":
-        kind = "pass"
     target = replace(target, kind=kind or _ELSE[target.what])
     if kind == "pass" and target.what == "thing":
         degree, place = "slight" if prep == "around" else "", prep if prep == "between" else ""
@@ -69,24 +67,18 @@ def _kind(what: str, prep: str, verb: str) -> str:
     return ""
 
 
-def stop_at(target: Claim, prep: str, clause: Clause) -> Claim | None:
+def stop_at(target: Claim, prep: str, clause: Clause) -> Claim:
     """Return the stop of a clause at a target after a preposition."""
     place = _PLACE.get(prep, "at")
     if clause.until:
         place = "past" if clause.verb == "pass" else "before" if clause.before else place
     if target.what == "room":
-        if clause.verb == "leave":
-            return None
-        if place == "past":
-            return target
         reached = clause.until and clause.verb in ("enter", "reach") and place == "at"
         place = "inside" if reached or prep == "along" else place
     elif target.what == "door":
         place = "doorway" if prep == "in" else "past" if place == "past" else "at"
     elif place in ("inside", "outside"):
         place = "at"
-    elif place == "at" and prep and clause.claims and clause.claims[-1].kind == "stop":
-        place = "between"  # "the armchair near the TV"
     facing = prep == "with" and target.what == "thing" and not target.side
     return replace(target, kind="stop", place=place, side="ahead" if facing else target.side)
 

@@ -81,8 +81,6 @@ def _nouns(raw: list[Token]) -> list[Token]:
     while k < len(raw):
         for size in range(min(_LONGEST_NOUN, len(raw) - k), 1, -1):
             words = [t.text for t in raw[k : k + size]]
-            if words[1] == "'s":
-                words = [words[0] + "'s", *words[2:]]
             phrase = " ".join([*words[:-1], singular(words[-1])])
             exact = " ".join(words)
             if _is_noun(phrase) or _is_noun(exact):

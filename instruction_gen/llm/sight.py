@@ -121,10 +121,7 @@ def answer_to[Form: BaseModel](
 def sight_messages(png: bytes, name: str = "sight") -> list[dict[str, Any]]:
     """Return a prompt's request about a picture; the answer to `sight` is `Sights`."""
     picture = {"type": "image_url", "image_url": {"url": data_uri(png, "image/png")}}
-    return [
-        {"role": "system", "content": prompt(name)},
-        {"role": "user", "content": [picture]},
-    ]
+    return [{"role": "system", "content": prompt(name)}, {"role": "user", "content": [picture]}]
 
 
 def box_pixels(sight: Sight, shape: Sequence[int]) -> tuple[slice, slice]:
