@@ -2,10 +2,10 @@
 
 import hashlib
 import logging
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
+from itertools import batched
 from pathlib import Path
 from typing import Any
 
@@ -153,21 +153,13 @@ def instruct_episodes(
     # A model's server answers several at once; the composer has nothing to wait for.
     workers = config.llm.workers if config.llm and writer is None else 1
     done: dict[str, Written] = {}
-    waiting: deque[tuple[str, Future[Written]]] = deque()
     with ThreadPoolExecutor(workers) as pool:
-        try:
-            for name, episode in paths.items():
-                facts = path_facts(episode, levels.of(episode), visibility)
-                if keep is not None:
-                    keep(facts)
-                waiting.append((name, pool.submit(describe, name, facts)))
-                if len(waiting) > 2 * workers:
-                    first, future = waiting.popleft()
-                    done[first] = future.result()
-            done |= {name: future.result() for name, future in waiting}
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+        for names in batched(paths, 4 * workers):
+            some = [paths[name] for name in names]
+            every = [path_facts(e, levels.of(e), visibility) for e in some]
+            for facts in every if keep else ():
+                keep(facts)
+            done |= zip(names, pool.map(describe, names, every), strict=True)
     for episode in episodes:
         if episode.instruction and not config.replace:
             result.episodes.append(episode)

@@ -29,17 +29,17 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             kinds[mark.name] = found[0]
         return found[1] if found else None
 
-    mark = names.best(near)
-    if mark is None:
+    best = names.best(near)
+    if best is None:
         names.homed = bool(room)
         return [Event("home", 0.0, A=room)] if room else []
-    kind = kinds[mark.name]
-    side = mark.side if kind == "beside_start" else ""
+    kind = kinds[best.mark.name]
+    side = best.mark.side if kind == "beside_start" else ""
     if kind == "beside_start" and not side:
         return []
     if room and kind != "beside_start" and names.rng.random() < 0.5:
         kind, names.homed = f"home_{kind}", True
-    return [Event(kind, 0.0, A=room, X=mark, s=side)]
+    return [Event(kind, 0.0, A=room, X=best, s=side)]
 
 
 def passed_events(
@@ -52,15 +52,16 @@ def passed_events(
     for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
         if high - low < taste.gap_m or len(result) >= taste.passed:
             continue
-        mark = names.best(
+        best = names.best(
             lambda m, low=low, high=high: (
                 m.distance_m if passed(m, facts, low + 0.5, high - 0.6) else None
             )
         )
-        if mark is None:
+        if best is None:
             result += _passed_door(facts, names, low + 0.7, high - 0.7)
             continue
-        event = Event("pass", mark.along_m, X=mark, s=mark.side)
+        mark = best.mark
+        event = Event("pass", mark.along_m, X=best, s=mark.side)
         across = (
             names.best(
                 lambda m, mark=mark: (
@@ -74,7 +75,7 @@ def passed_events(
             if names.rng.random() < 0.5
             else None
         )
-        beside = names.beside(mark) if across is None and names.rng.random() < 0.35 else None
+        beside = names.beside(best) if across is None and names.rng.random() < 0.35 else None
         if across is not None:
             event = replace(event, kind="between", Y=across)
         elif beside is not None:

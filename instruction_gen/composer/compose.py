@@ -95,7 +95,7 @@ def _draft(
     events = plan(facts, taste, rng)
     steps = realize(events, style, rng, usage)
     text = " ".join(step.words for step in steps)
-    marks = tuple(r.name for e in events for r in (e.X, e.Y) if r is not None)
+    marks = tuple(r.mark.name for e in events for r in (e.X, e.Y) if r is not None)
     kinds = tuple(e.kind for e in events)
     low, high = WORDS[style]
     words = len(text.split())

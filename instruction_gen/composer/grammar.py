@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
-from ..language.claims import DEGREES, PLACES, SIDES, Claim
+from ..language.claims import PLACES, SIDES, Claim
 from ..language.words import NUMBERS, ORDINALS
 from .records import Event
 from .refer import Reference
@@ -97,8 +98,12 @@ def grammar() -> Grammar:
 
 def name_of(noun: str, rng: np.random.Generator) -> str:
     """Return a name for a thing or room in the lexicon."""
-    names = grammar().called.get(noun, (noun,))
-    return names[int(rng.integers(len(names)))]
+    return pick(grammar().called.get(noun, (noun,)), rng)
+
+
+def pick[T](options: Sequence[T], rng: np.random.Generator) -> T:
+    """Return one of some options; `rng.choice` takes several times as long."""
+    return options[int(rng.integers(len(options)))]
 
 
 def drafts(
@@ -117,9 +122,9 @@ def drafts(
     fine: list[Clause] = []
     odd: list[Clause] = []
     for _ in range(count):
-        phrase = options[int(rng.integers(len(options)))]
-        words = _CHOICE.sub(lambda m: str(rng.choice(m[1].split("|"))), phrase.template)
-        filled = re.sub(r"\s+", " ", _SLOT.sub(lambda m: _slot(m[1], event), words)).strip()
+        phrase = pick(options, rng)
+        words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
+        filled = " ".join(_SLOT.sub(lambda m: _slot(m[1], event), words).split())
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(words.split())
         clause = Clause(event, phrase, filled)
@@ -156,30 +161,22 @@ def metres(distance_m: float) -> str:
 def _claim(form: Sequence[str], event: Event) -> Claim:
     """Return a claim from its words in `grammar.txt`, with the event's slots."""
     kind, *rest = form
-    claim = Claim(kind)
-    if kind == "door" or "door" in rest:
-        claim = replace(claim, kind=kind, what="door")
+    door = kind == "door" or "door" in rest
+    said: dict[str, Any] = {"what": "door"} if door else {}
     for word in rest:
         value = getattr(event, word, None)
         if isinstance(value, Reference):
-            claim = replace(
-                claim, what="thing", name=value.phrase, colour=value.colour, material=value.material
-            )
+            said |= {"what": "thing", "name": value.phrase}
+            said |= {"colour": value.colour, "material": value.material}
         elif word in "ABC":
-            room = str(value or "").removeprefix("another ").removeprefix("other ")
-            room = room.removeprefix("next ")
-            door = claim.what == "door"
-            claim = replace(claim, room=room) if door else replace(claim, what="room", name=room)
-        elif word in ("s", "t"):
-            claim = replace(claim, side=str(value))
+            room = re.sub("^(?:another|other|next) ", "", str(value or ""))
+            said |= {"room": room} if door else {"what": "room", "name": room}
         elif word == "o":
-            claim = replace(claim, ordinal=event.ordinal)
+            said["ordinal"] = event.ordinal
         elif word == "n":
-            claim = replace(claim, metres=float(max(1, round(event.far_m))))
-        elif word in SIDES:
-            claim = replace(claim, side=word)
-        elif word in PLACES:
-            claim = replace(claim, place=word)
-        elif word in DEGREES:
-            claim = replace(claim, degree=word)
-    return claim
+            said["metres"] = float(max(1, round(event.far_m)))
+        else:
+            word = str(value) if word in "st" else word
+            field = "side" if word in SIDES else "place" if word in PLACES else "degree"
+            said |= {field: word} if word != "door" else {}
+    return Claim(kind, **said)

@@ -6,9 +6,12 @@ import numpy as np
 
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts
-from .grammar import name_of
-from .refer import Reference, landmark, refer
+from ..language.lexicon import OBJECT_PHRASES
+from ..language.nouns import answers, called, spoken
+from .grammar import name_of, pick
+from .refer import Reference, at_hand, in_row, landmark
 
+_SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
 _BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
 _TALL = frozenset(("wardrobe", "bookshelf"))
 _LARGE_M = 1.7
@@ -24,6 +27,11 @@ class Names:
         self.names: set[str] = set()
         self.homed = False  # whether the text says in which room it starts
         self.nouns: set[str] = set()
+        self._about = {m.noun for m in facts.landmarks}
+        self._noticed = [
+            m for m in facts.landmarks
+            if m.distance_m <= 3.5 and (m.max_pixels > 60 or m.first_seen_m < 0)
+        ]  # fmt: skip
 
     def room(self, name: str) -> str:
         """Return what a room is called throughout the text."""
@@ -63,24 +71,42 @@ class Names:
     def refer(
         self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
     ) -> Reference | None:
-        """Return a reference with a name and perhaps a colour or material."""
+        """Return a name of a thing and perhaps a look; None where another thing might be meant."""
         looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
-        look = ""
-        if looks and self.rng.random() < self.looks:
-            look = looks[int(self.rng.integers(len(looks)))]
+        look = pick(looks, self.rng) if looks and self.rng.random() < self.looks else ""
         phrase = name_of(mark.noun, self.rng)
-        return refer(mark, self.facts, distance_m, phrase, look, at_goal=at_goal)
+        if any(called(noun, phrase.lower()) for noun in self._about if noun != mark.noun):
+            phrase = mark.noun
+        if phrase.lower() not in OBJECT_PHRASES:  # a compound: "conference table"
+            phrase = phrase.split()[-1]
+        alike = [m for m in self._noticed if m is not mark and mark.noun in answers(m.noun)]
+        together = [
+            m for m in alike
+            if (m.noun, m.room) == (mark.noun, mark.room)
+            and (at_hand(m, mark) if at_goal else in_row(m, mark))
+        ]  # fmt: skip
+        if together:
+            look = ""
+        elif alike and (not mark.room or any(m.room == mark.room for m in alike)):
+            return None
+        words = f"the {look} {spoken(phrase, plural=bool(together))}".replace("  ", " ")
+        size = mark.size_m * (0.5 if mark.noun in _SMALL else 1.0)
+        salience = size / (0.6 + distance_m) / (1.0 + 0.8 * len(alike))
+        return Reference(
+            mark, spoken(phrase).lower(), words, bool(together),
+            salience * (1.0 - 0.6 * mark.occluded),
+            look if look == mark.colour else "", look if look == mark.material else "",
+        )  # fmt: skip
 
     def mention(self, reference: Reference) -> Reference:
         """Remember a thing."""
-        self.names.add(reference.name)
-        self.nouns.add(reference.noun)
+        self.names.add(reference.mark.name)
+        self.nouns.add(reference.mark.noun)
         return reference
 
     def beside(self, reference: Reference) -> Reference | None:
         """Return the thing that stands right beside another, if it can be named."""
-        mark = next((m for m in self.facts.landmarks if m.name == reference.name), None)
-        other = landmark(self.facts, mark.beside) if mark else None
+        other = landmark(self.facts, reference.mark.beside)
         if reference.plural or other is None or other.noun in self.nouns:
             return None
         result = self.refer(other, other.distance_m)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..language.claims import Claim, Step
-from .grammar import Clause, drafts
+from .grammar import Clause, drafts, pick
 from .records import Event
 
 _CHOICES = 8  # ways to say an event, of which the least used is taken
@@ -32,15 +32,20 @@ class Usage:
     def __init__(self) -> None:
         """Start with nothing used."""
         self.counts: Counter[tuple[str, ...]] = Counter()
+        self._judged: dict[str, float] = {}
 
     def add(self, text: str) -> None:
         """Count a text."""
         self.counts.update(_runs(text))
+        self._judged.clear()
 
     def repetition(self, text: str) -> float:
         """Return how much of a text was used before: the mean logarithm of its counts."""
-        runs = list(_runs(text))
-        return sum(math.log1p(self.counts[run]) for run in runs) / max(1, len(runs))
+        if text not in self._judged:
+            runs = list(_runs(text))
+            total = sum(math.log1p(self.counts[run]) for run in runs)
+            self._judged[text] = total / max(1, len(runs))
+        return self._judged[text]
 
 
 def _runs(text: str) -> Iterable[tuple[str, ...]]:
@@ -127,7 +132,7 @@ def _joint(now: _Sentence, clause: Clause, voice: str, rng: np.random.Generator)
         return ", and " if "then" in now.words.lower().split() else ", then "
     again = "then" in now.words.lower().split()
     joints = [j for j in _JOINTS[voice] if not (again and "then" in j)]
-    return joints[int(rng.integers(len(joints)))]
+    return pick(joints, rng)
 
 
 def _upper(text: str) -> str:

@@ -1,11 +1,10 @@
 """How to call a thing so that it is clear which one is meant."""
 
+from bisect import bisect_left
 from dataclasses import dataclass
 
 from ..facts.landmarks import PLAIN
 from ..facts.records import LandmarkFact, Moment, PathFacts
-from ..language.lexicon import OBJECT_PHRASES
-from ..language.nouns import answers, called, spoken
 
 PASS_M = 2.0
 STOP_M = 1.9
@@ -14,7 +13,6 @@ _TURN_M = 1.7
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
-_SMALL = frozenset("dumbbell vase bin trash can pouf stool basket box towel rail".split())
 
 
 @dataclass(frozen=True)
@@ -22,78 +20,21 @@ class Reference:
     """A thing with the words for it.
 
     Attributes:
-        name: of the object in the scene.
-        noun: of the lexicon.
+        mark: the thing.
         phrase: what it is called, in the singular.
         words: with article: `the blue sofa`, `the chairs`.
         plural: several are meant.
-        along_m: where it is nearest to the path [m].
-        distance_m: from the path there, or from the goal [m].
-        side: `left`, `right` or "".
-        bearing_deg: from the final heading [deg].
         salience: how well it steers.
         colour, material: that are mentioned, "" = none.
     """
 
-    name: str
-    noun: str
+    mark: LandmarkFact
     phrase: str
     words: str
     plural: bool
-    along_m: float
-    distance_m: float
-    side: str
-    bearing_deg: float
     salience: float
     colour: str = ""
     material: str = ""
-
-
-def refer(
-    mark: LandmarkFact,
-    facts: PathFacts,
-    distance_m: float,
-    phrase: str,
-    look: str = "",
-    *,
-    at_goal: bool = False,
-) -> Reference | None:
-    """Return a reference to a thing, None where it would be unclear which one is meant.
-
-    Args:
-        phrase: what to call it, if nothing else near the path may be called so.
-        look: its colour or material, if that is to be mentioned.
-    """
-    other = [m for m in facts.landmarks if m.noun != mark.noun]
-    if any(called(m.noun, phrase.lower()) for m in other):
-        phrase = mark.noun
-    if phrase.lower() not in OBJECT_PHRASES:  # a compound: "conference table"
-        phrase = phrase.split()[-1]
-    alike = [
-        m for m in facts.landmarks
-        if m.name != mark.name and mark.noun in answers(m.noun) and _noticed(m)
-    ]  # fmt: skip
-    plural = False
-    adjective = f"{look} " if look else ""
-    words = f"the {adjective}{spoken(phrase)}"
-    if alike:
-        together = [
-            m for m in alike
-            if (m.noun, m.room) == (mark.noun, mark.room)
-            and (_at_hand(m, mark) if at_goal else _in_row(m, mark))
-        ]  # fmt: skip
-        if together:
-            plural, look = True, ""
-            words = f"the {spoken(phrase, plural=True)}"
-        elif not mark.room or any(m.room == mark.room for m in alike):
-            return None
-    size = mark.size_m * (0.5 if mark.noun in _SMALL else 1.0)
-    salience = size / (0.6 + distance_m) / (1.0 + 0.8 * len(alike)) * (1.0 - 0.6 * mark.occluded)
-    return Reference(
-        mark.name, mark.noun, spoken(phrase).lower(), words, plural, mark.along_m, distance_m,
-        mark.side, mark.goal_bearing_deg, salience,
-        mark.colour if look == mark.colour else "", mark.material if look == mark.material else "",
-    )  # fmt: skip
 
 
 # which things ---------------------------------------------------------------------------------
@@ -129,8 +70,9 @@ def in_view(
 
 def moment_at(mark: LandmarkFact, along_m: float) -> Moment | None:
     """Return where a thing is at a place of the path, None where it is out of reach."""
-    best = min(mark.moments, key=lambda m: abs(m.along_m - along_m), default=None)
-    return best if best is not None and abs(best.along_m - along_m) <= 0.2 else None
+    k = bisect_left(mark.moments, along_m, key=lambda m: m.along_m)
+    near = (m for m in mark.moments[max(0, k - 1) : k + 1] if abs(m.along_m - along_m) <= 0.2)
+    return min(near, key=lambda m: abs(m.along_m - along_m), default=None)
 
 
 def room_at(facts: PathFacts, along_m: float) -> str:
@@ -192,17 +134,13 @@ def landmark(facts: PathFacts, name: str) -> LandmarkFact | None:
     return next((m for m in facts.landmarks if m.name == name and m.nameable), None)
 
 
-def _in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:
+def in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:
     """Return whether two things of a room are passed as one group."""
     near = abs(other.along_m - mark.along_m) <= 1.2 and other.distance_m <= 3.0
     return near and other.side == mark.side
 
 
-def _at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
+def at_hand(other: LandmarkFact, mark: LandmarkFact) -> bool:
     """Return whether one stops at two things of a room, not at one with another a step away."""
     near = abs(other.goal_distance_m - mark.goal_distance_m) <= 1.0
     return near and other.goal_distance_m <= 2.5 and other.goal_open
-
-
-def _noticed(mark: LandmarkFact) -> bool:
-    return mark.distance_m <= 3.5 and (mark.max_pixels > 60 or mark.first_seen_m < 0)

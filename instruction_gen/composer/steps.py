@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from .grammar import pick
 from .names import Names
 from .records import Event, Taste
 from .refer import at_turn, in_view
@@ -217,7 +218,7 @@ def _passage(
             return replace(event, kind="turn_enter_see", X=mark)
         kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * passage.doorway * 2
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
-        return replace(event, kind=str(rng.choice(kinds)))
+        return replace(event, kind=pick(kinds, rng))
     if turn is not None:
         out = rng.random() < (0.8 if taste.voice == "terse" else 0.3)
         if slight or (first and event.A and out):
@@ -240,7 +241,7 @@ def _passage(
     kinds = ["leave"] * 3 if first and event.A else ["enter"]
     if passage.doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
-    return replace(event, kind=str(rng.choice(kinds)))
+    return replace(event, kind=pick(kinds, rng))
 
 
 def ambiguous(facts: PathFacts) -> str:

@@ -1,12 +1,12 @@
 """Choose how to say where a path stops."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from ..facts.doors import DOOR
 from ..facts.records import PathFacts
+from .grammar import pick
 from .names import Names
 from .records import Event, Taste
 from .refer import Reference, at_goal, passed
@@ -53,24 +53,25 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     return Event("stop_after", length, far_m=1.0)
 
 
-def _at(mark: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
+def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
     """Return the stop at a thing, and what more is said of its place."""
-    ahead = abs(mark.bearing_deg) < 32.0
-    kind = "stop_beside" if mark.distance_m <= _BESIDE_M else "stop_close"
-    event = Event("stop_front" if ahead else kind, facts.length_m, X=mark)
+    mark, bearing_deg = thing.mark, thing.mark.goal_bearing_deg
+    ahead = abs(bearing_deg) < 32.0
+    kind = "stop_beside" if mark.goal_distance_m <= _BESIDE_M else "stop_close"
+    event = Event("stop_front" if ahead else kind, facts.length_m, X=thing)
     across = names.best(
-        lambda m: m.goal_distance_m if at_goal(m, facts) and _faces(mark, m.goal_bearing_deg)
+        lambda m: m.goal_distance_m if at_goal(m, facts) and _faces(bearing_deg, m.goal_bearing_deg)
         else None,
         at_goal=True,
     )  # fmt: skip
     if across is not None and names.rng.random() < 0.5:
         return replace(event, kind="stop_between", Y=across)
-    side = "left" if mark.bearing_deg > 0 else "right"
+    side = "left" if bearing_deg > 0 else "right"
     options: list[Event] = []
-    if 40.0 < abs(mark.bearing_deg) < 140.0:
+    if 40.0 < abs(bearing_deg) < 140.0:
         options.append(replace(event, kind="stop_side", s=side))
     if names.rng.random() < taste.more:
-        if not ahead and (beside := names.beside(mark)):
+        if not ahead and (beside := names.beside(thing)):
             options.append(replace(event, kind="stop_near", Y=beside))
         if across is not None:
             other = "right" if side == "left" else "left"
@@ -78,12 +79,7 @@ def _at(mark: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
         room = facts.goal_room
         if room and not facts.goal_rooms and not ahead:
             options.append(replace(event, kind="stop_in", B=names.room(room)))
-    return _either(event, options, names.rng)
-
-
-def _either(event: Event, options: Sequence[Event], rng: np.random.Generator) -> Event:
-    every = [event, *options]
-    return every[int(rng.integers(len(every)))]
+    return pick([event, *options], names.rng)
 
 
 def _stops_in_doorway(facts: PathFacts) -> bool:
@@ -97,7 +93,7 @@ def _stops_in_doorway(facts: PathFacts) -> bool:
     )
 
 
-def _faces(mark: Reference, bearing_deg: float) -> bool:
+def _faces(one_deg: float, other_deg: float) -> bool:
     """Return whether two things lie on either side of the stop."""
-    sides = sorted((mark.bearing_deg, bearing_deg))
+    sides = sorted((one_deg, other_deg))
     return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0

@@ -180,11 +180,6 @@ class LandmarkFact:
     leads: tuple[str, ...] = ()
     beside: str = ""
 
-    @property
-    def unique(self) -> bool:
-        """Whether it is the only one of its noun near the path."""
-        return self.count == 1
-
 
 @dataclass(frozen=True)
 class PathFacts:

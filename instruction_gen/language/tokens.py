@@ -1,6 +1,7 @@
 """Words, numbers and punctuation, with their places in the text."""
 
 import re
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
@@ -46,7 +47,7 @@ def tokenize(text: str) -> list[Token]:
             split.append(token)
         elif k + 1 < len(raw) and raw[k + 1].text in _PLACED:
             split.append(replace(token, text="is"))
-    return _replaced(_nouns(split))
+    return _meant(_nouns(split))
 
 
 def _parts(word: str, start: int, stop: int) -> list[Token]:
@@ -76,39 +77,40 @@ def _is_noun(phrase: str) -> bool:
 
 def _nouns(raw: list[Token]) -> list[Token]:
     """Join the words of known nouns."""
-    result: list[Token] = []
-    k = 0
-    while k < len(raw):
-        for size in range(min(_LONGEST_NOUN, len(raw) - k), 1, -1):
-            words = [t.text for t in raw[k : k + size]]
-            phrase = " ".join([*words[:-1], singular(words[-1])])
-            exact = " ".join(words)
-            if _is_noun(phrase) or _is_noun(exact):
-                result.append(Token(exact, raw[k].start, raw[k + size - 1].stop))
-                k += size
-                break
-        else:
-            result.append(raw[k])
-            k += 1
-    return result
+
+    def noun(words: Sequence[str], after: str) -> tuple[str, ...] | None:
+        exact = " ".join(words)
+        phrase = " ".join([*words[:-1], singular(words[-1])])
+        return (exact,) if len(words) > 1 and (_is_noun(phrase) or _is_noun(exact)) else None
+
+    return _replaced(raw, _LONGEST_NOUN, noun)
 
 
-def _replaced(raw: list[Token]) -> list[Token]:
+def _meant(raw: list[Token]) -> list[Token]:
     """Return the tokens with phrases of `words.phrases` read as other words."""
     table = phrases()
+
+    def meaning(words: Sequence[str], after: str) -> tuple[str, ...] | None:
+        result = table.get(tuple(words))
+        alone = not after[0].isalnum() or after in _ALONE
+        return None if result and result[0] in _LONE and not alone else result
+
+    return _replaced(raw, LONGEST_PHRASE, meaning)
+
+
+def _replaced(
+    raw: list[Token], longest: int, by: Callable[[Sequence[str], str], tuple[str, ...] | None]
+) -> list[Token]:
+    """Replace the longest runs of tokens for which there are other words, given what follows."""
     result: list[Token] = []
+    texts = [token.text for token in raw] + ["."]
     k = 0
     while k < len(raw):
-        for size in range(min(LONGEST_PHRASE, len(raw) - k), 0, -1):
-            meaning = table.get(tuple(t.text for t in raw[k : k + size]))
-            after = raw[k + size].text if k + size < len(raw) else "."
-            alone = not after[0].isalnum() or after in _ALONE
-            if meaning is not None and (alone or not meaning or meaning[0] not in _LONE):
-                start, stop = raw[k].start, raw[k + size - 1].stop
-                result += [Token(word, start, stop) for word in meaning]
-                k += size
+        size, words = 1, (raw[k].text,)
+        for more in range(min(longest, len(raw) - k), 0, -1):
+            if (other := by(texts[k : k + more], texts[k + more])) is not None:
+                size, words = more, other
                 break
-        else:
-            result.append(raw[k])
-            k += 1
+        result += [Token(word, raw[k].start, raw[k + size - 1].stop) for word in words]
+        k += size
     return result
