@@ -19,8 +19,8 @@ from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import plan
 from vlnpe.instruction_gen.composer.grammar import grammar
+from vlnpe.instruction_gen.composer.names import Names
 from vlnpe.instruction_gen.composer.records import TASTES
-from vlnpe.instruction_gen.composer.refer import refer
 from vlnpe.instruction_gen.composer.steps import mentioned_turns
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
@@ -180,7 +180,7 @@ def test_turns_of_a_path_are_found_with_their_angles(angles, heading):
     legs = 3.0 * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     path = np.concatenate([[[0.0, 0.0]], np.cumsum(legs, axis=0)])
     turns = find_turns(path, heading)
-    assert [round(float(np.rad2deg(t.angle_rad))) for t in turns] == angles
+    assert [round(t.angle_deg) for t in turns] == angles
     assert [t.along_m for t in turns] == pytest.approx([3.0 * (k + 1) for k in range(len(angles))])
 
 
@@ -189,7 +189,7 @@ def test_a_round_corner_is_one_turn():
     arc = np.stack([4 + np.sin(a), 1 - np.cos(a)], axis=1)
     path = np.concatenate([[[0.0, 0.0]], arc, [[5.0, 5.0]]])
     (turn,) = find_turns(path, 0.0)
-    assert np.rad2deg(turn.angle_rad) == pytest.approx(90, abs=5)
+    assert turn.angle_deg == pytest.approx(90, abs=5)
 
 
 def test_labels_are_data(two_rooms):
@@ -404,7 +404,8 @@ def test_things_of_two_rooms_are_no_group(two_rooms):
     table = replace(table, goal_distance_m=1.5, goal_open=True)
     for room, plural in ((table.room, True), ("bathroom", False)):
         both = replace(facts, landmarks=(table, replace(table, name="Table_9", room=room)))
-        reference = refer(table, both, 1.0, "table", "", at_goal=True)
+        names = Names(both, np.random.default_rng(0), 0.0)
+        reference = names.refer(table, 1.0, at_goal=True)
         assert reference is not None and reference.plural is plural
 
 
