@@ -1,6 +1,6 @@
 """Choose what to mention beside the moves: the start, what is passed, and how far to walk."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from ..facts.doors import DOOR
@@ -52,29 +52,15 @@ def passed_events(
     for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
         if high - low < taste.gap_m or len(result) >= taste.passed:
             continue
-        best = names.best(
-            lambda m, low=low, high=high: (
-                m.distance_m if passed(m, facts, low + 0.5, high - 0.6) else None
-            )
-        )
+        best = names.best(_passing(facts, low + 0.5, high - 0.6))
         if best is None:
             result += _passed_door(facts, names, low + 0.7, high - 0.7)
             continue
         mark = best.mark
         event = Event("pass", mark.along_m, X=best, s=mark.side)
-        across = (
-            names.best(
-                lambda m, mark=mark: (
-                    m.distance_m
-                    if {m.side, mark.side} == {"left", "right"}
-                    and abs(m.along_m - mark.along_m) <= 0.8
-                    and passed(m, facts, mark.along_m - 0.9, mark.along_m + 0.9)
-                    else None
-                )
-            )
-            if names.rng.random() < 0.5
-            else None
-        )
+        other = {"left": "right", "right": "left"}[mark.side]
+        facing = _passing(facts, mark.along_m - 0.8, mark.along_m + 0.8, other)
+        across = names.best(facing) if names.rng.random() < 0.5 else None
         beside = names.beside(best) if across is None and names.rng.random() < 0.35 else None
         if across is not None:
             event = replace(event, kind="between", Y=across)
@@ -84,6 +70,18 @@ def passed_events(
             event = replace(event, kind="pass_side")
         result.append(event)
     return result
+
+
+def _passing(
+    facts: PathFacts, low_m: float, high_m: float, side: str = ""
+) -> Callable[[LandmarkFact], float | None]:
+    """Return how far a thing is that is passed on a side [m], None for others."""
+
+    def far(mark: LandmarkFact) -> float | None:
+        here = passed(mark, facts, low_m, high_m) and side in ("", mark.side)
+        return mark.distance_m if here else None
+
+    return far
 
 
 def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) -> list[Event]:
@@ -113,30 +111,23 @@ def with_distances(
 ) -> list[Event]:
     """Say how far to walk before a turn that nothing announces, or which room to follow."""
     result: list[Event] = []
-    before = 0.0
+    before, speaks = 0.0, taste.voice != "terse"
     for event in events:
         gap = event.along_m - before
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
         room = room_at(facts, before + 0.5 * gap)
         beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
-        gap = gap if taste.voice != "terse" else gap - _LONG_M
-        if (
-            taste.voice != "terse"
-            and room == "hallway"
-            and gap > (2.0 if bare else _LONG_M)
-            and not beside
-        ):
+        gap = gap if speaks else gap - _LONG_M
+        long = gap > (2.0 if bare else _LONG_M)
+        if speaks and room == "hallway" and long and not beside:
             result.append(Event("follow", before + 0.2, B=names.room(room)))
         if bare and gap > 1.8:
             result.append(Event("walk", before, far_m=gap))
         result.append(event)
         before = max(before, _end(event) - 0.2)
     hall = facts.visits[-1]
-    if (
-        taste.voice != "terse"
-        and hall.room == "hallway"
-        and stop.along_m - max(before, hall.from_m) > _LONG_M
-    ):
+    long = stop.along_m - max(before, hall.from_m) > _LONG_M
+    if speaks and hall.room == "hallway" and long:
         result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
     return result
 

@@ -61,20 +61,12 @@ class Clause:
         return tuple(_claim(form, self.event) for form in self.phrase.claims)
 
 
-@dataclass(frozen=True)
-class Grammar:
-    """All phrases, by kind of event, and the names by which things and rooms are called."""
-
-    rules: Mapping[str, tuple[Phrase, ...]]
-    called: Mapping[str, tuple[str, ...]]
-
-
 @cache
-def grammar() -> Grammar:
-    """Return what `grammar.txt` says."""
+def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Sequence[str]]]:
+    """Return the phrases of `grammar.txt` by kind of event, and names of things and rooms."""
     text = (files(__package__) / "grammar.txt").read_text(encoding="utf-8")
     rules: dict[str, list[Phrase]] = {}
-    called: dict[str, tuple[str, ...]] = {}
+    called: dict[str, list[str]] = {}
     part, kind, claims = "", "", ()
     for line in text.splitlines():
         if not line.strip() or line.startswith("#"):
@@ -83,7 +75,7 @@ def grammar() -> Grammar:
             part = line[1:]
         elif part == "called":
             noun, _, names = line.partition(": ")
-            called[noun] = tuple(names.split(", "))
+            called[noun] = names.split(", ")
         elif " = " in f"{line} ":
             kind, _, spec = (w.strip() for w in f"{line} ".partition(" = "))
             claims = tuple(tuple(claim.split()) for claim in spec.split(";") if claim.strip())
@@ -93,12 +85,12 @@ def grammar() -> Grammar:
             joint, rest = (joint, rest) if joint in ("^", "&", "<", ".") else ("", phrase.strip())
             voice = frozenset(_VOICES[v] for v in voices)
             rules.setdefault(kind, []).append(Phrase(rest, joint, voice, claims))
-    return Grammar({k: tuple(v) for k, v in rules.items()}, called)
+    return rules, called
 
 
 def name_of(noun: str, rng: np.random.Generator) -> str:
     """Return a name for a thing or room in the lexicon."""
-    return pick(grammar().called.get(noun, (noun,)), rng)
+    return pick(grammar()[1].get(noun, (noun,)), rng)
 
 
 def pick[T](options: Sequence[T], rng: np.random.Generator) -> T:
@@ -114,7 +106,7 @@ def drafts(
     Args:
         after: the joint of the clause before, "start" at the start.
     """
-    rule = grammar().rules[event.kind]
+    rule = grammar()[0][event.kind]
     lone = ("&",) if after in ("start", "^", "&", ".") else ()
     barred = ("&", "^", "<", ".") if after == "^" else lone
     fit = [p for p in rule if p.joint not in barred]
@@ -133,7 +125,7 @@ def drafts(
 
 
 def _is_hall(room: str) -> bool:
-    return room.removeprefix("next ") in grammar().called["hallway"]
+    return room.removeprefix("next ") in grammar()[1]["hallway"]
 
 
 def _slot(slot: str, event: Event) -> str:

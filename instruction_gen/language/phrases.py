@@ -55,29 +55,22 @@ def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
             colour = COLOURS[word]
         elif word in MATERIALS and _leads_to_noun(tokens, k + 1):
             material = MATERIALS[word]
-        elif (
-            word in ADJECTIVES
-            or (word in VAGUE_COUNTS and k > first)
-            or (side and word in ("hand", "side", "most"))
+        elif not (
+            word in ADJECTIVES or (word in VAGUE_COUNTS and k > first) or (side and word in _HAND)
         ):
-            pass
-        else:
             break
         used.append(k)
         k += 1
     names: list[str] = []
     start = k
     while k < len(tokens) and noun_kind(tokens[k].text):
-        if tokens[k].text in _VERBLIKE and not names and start == first:
-            break
-        if tokens[k].text == "stands" and names:
+        bare = not names and start == first
+        if (tokens[k].text in _VERBLIKE and bare) or (tokens[k].text == "stands" and names):
             break
         names.append(tokens[k].text)
-        used.append(k)
-        k += 1
-        if k < len(tokens) and tokens[k].text == "'s":
-            used.append(k)
-            k += 1
+        own = k + 1 < len(tokens) and tokens[k + 1].text == "'s"
+        used += range(k, k + 1 + own)
+        k += 1 + own
     seen = Claim("see", "", "", side, ordinal, count, colour, material)
     return _named(tokens, k, names, seen, tuple(used)) if names else None
 
@@ -93,11 +86,9 @@ def _named(
     what = noun_kind(head)
     room = next((n for n in before if noun_kind(n) == "room"), "")
     name = head if head in OBJECT_PHRASES or head in ROOM_PHRASES else singular(head)
-    if what == "door":
-        name = ""
-    elif what == "thing":
-        kinds = [n for n in before if noun_kind(n) == "thing"]
-        name = " ".join([*kinds, name])
+    if what == "thing":
+        name = " ".join([*(n for n in before if noun_kind(n) == what), name])
+    name = "" if what == "door" else name
     target = replace(seen, what=what, name=name, room=room)
     # "The door of the bedroom", "the table in the kitchen".
     after = k
@@ -112,22 +103,16 @@ def _named(
 
 
 _LINKS = closed("door leads")
+_HAND = ("hand", "side", "most")
+_BEFORE_NOUNS = ADJECTIVES.union(COLOURS, MATERIALS, ORDINALS, _HAND)
 
 
 def _leads_to_noun(tokens: Sequence[Token], k: int) -> bool:
     """Return whether a noun follows after adjectives only."""
-    while k < len(tokens) and (
-        tokens[k].text in ADJECTIVES
-        or tokens[k].text in ("hand", "side", "most")
-        or tokens[k].text in COLOURS
-        or tokens[k].text in MATERIALS
-        or tokens[k].text in ORDINALS
-    ):
+    while k < len(tokens) and tokens[k].text in _BEFORE_NOUNS:
         k += 1
-    return k < len(tokens) and (
-        (bool(noun_kind(tokens[k].text)) and not (tokens[k].text in _VERBLIKE and k == 0))
-        or tokens[k].text in ("wall", "side", "hand", "one")
-    )
+    word = tokens[k].text if k < len(tokens) else "."
+    return bool(noun_kind(word)) or word in ("wall", "one")
 
 
 def _is_unit(tokens: Sequence[Token], k: int) -> bool:
@@ -150,19 +135,16 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
             if vague and not seen:
                 return _VAGUE_M, True, k + 1
             k += 1
-            if [t.text for t in tokens[k : k + 3]] == ["and", "a", "half"]:
+            after = [t.text for t in tokens[k : k + 3]]
+            if after == ["and", "a", "half"]:
                 amount, k = amount + 0.5, k + 3
-            elif [t.text for t in tokens[k : k + 2]] == ["or", "two"]:
+            elif after[:2] == ["or", "two"]:
                 return 1.5 * unit, True, k + 2
-            elif [t.text for t in tokens[k : k + 2]] == ["or", "so"]:
-                k += 2
-            return amount * unit, vague, k
+            return amount * unit, vague, k + 2 * (after[:2] == ["or", "so"])
         number = number_of(word)
         if word in ("half", "quarter", "halfway"):
-            if seen:
-                total += NUMBERS[word]
-            else:
-                fraction = NUMBERS.get(word, 0.5)
+            part = NUMBERS.get(word, 0.5)
+            total, fraction = (total + part, fraction) if seen else (total, part)
         elif word in ("couple", "few", "several", "some"):
             vague = True
         elif number is not None:

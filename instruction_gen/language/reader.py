@@ -111,15 +111,12 @@ class _Reader:
         starts, before = read_phrase(clause.tokens, 0), self.before
         if before is None or not starts or before.sentence != clause.sentence:
             return
-        same = bool(before.claims) and (
-            before.claims[-1].what == starts[0].what or before.claims[-1].kind == "pass"
-        )
+        last = before.claims[-1] if before.claims else Claim("turn")
+        same = last.what == starts[0].what or last.kind == "pass"
         if same or before.negated or before.verb in ("stop", "see"):
             placed = any(read_side(clause.tokens, k) for k in range(len(clause.tokens)))
-            clause.verb, clause.prep = (
-                before.verb,
-                "" if placed and before.verb == "stop" else before.prep,
-            )
+            clause.verb = before.verb
+            clause.prep = "" if placed and before.verb == "stop" else before.prep
             clause.until = clause.until or before.until
             clause.negated = clause.negated or before.negated
 
@@ -132,11 +129,8 @@ class _Reader:
         side, placed, end = read_side(tokens, k) or ("", False, 0)
         rest = [t.text for t in (*tokens[:k], *tokens[end:])]
         last = before.claims[-1] if before.claims else None
-        if any(word not in _LISTING and word not in _STAYS for word in rest):
-            return False
-        if not placed and (
-            "again" in rest or (last and last.kind in ("door", "leave", "enter"))
-        ):  # fmt: skip
+        moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
+        if set(rest) - _LISTING - _STAYS or (moved and not placed):
             return False
         both = "both" in rest or "all" in rest
         if not placed and not both and clause.joint != "(" and not (
@@ -184,7 +178,8 @@ class _Reader:
                 clause.used.update(used)
                 if side_next and not target.side:
                     target, side_next = replace(target, side=side_next), ""
-                claim = self._target(clause, target, prep, stop)
+                at = stop and (clause.verb == "stop" or prep not in _WAYS)
+                claim = (stop_at if at else claim_of)(target, prep, clause)
                 if claim is not None:
                     if claim.kind == "enter" and claims and claims[-1].kind == "door":
                         # "The door on the left into the kitchen" is that of the kitchen.
@@ -209,11 +204,6 @@ class _Reader:
         elif stop and len(stops) == 2 and any(claims[n].place == "between" for n in stops):
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
-
-    def _target(self, clause: Clause, target: Claim, prep: str, stop: bool) -> Claim | None:
-        if stop and (clause.verb == "stop" or prep not in ("through", "from", "into")):
-            return stop_at(target, prep, clause)
-        return claim_of(target, prep, clause)
 
     def _is_inside(self) -> bool:
         """Return whether the last that is claimed is that a room is entered."""

@@ -95,23 +95,15 @@ def brief(facts: PathFacts) -> dict[str, Any]:
 
 
 def _thing(mark: LandmarkFact) -> dict[str, Any]:
-    result: dict[str, Any] = {"what": spoken(mark.noun)}
-    if mark.colour:
-        result["colour"] = mark.colour
-    if mark.material:
-        result["material"] = mark.material
-    if mark.count > 1:
-        result["one_of"] = mark.count
-    return result
+    looks = {"colour": mark.colour, "material": mark.material}
+    several = {"one_of": mark.count} if mark.count > 1 else {}
+    return {"what": spoken(mark.noun)} | {k: v for k, v in looks.items() if v} | several
 
 
 def _angle(degrees: float) -> str:
-    if degrees < 60:
-        return "slight"
-    return "square" if degrees < 125 else "around"
+    return "slight" if degrees < 60 else "square" if degrees < 125 else "around"
 
 
 def _where(bearing_deg: float) -> str:
-    if abs(bearing_deg) < 35:
-        return "ahead"
-    return "on the left" if bearing_deg > 0 else "on the right"
+    side = "left" if bearing_deg > 0 else "right"
+    return "ahead" if abs(bearing_deg) < 35 else f"on the {side}"
