@@ -9,7 +9,7 @@ ways in which they can be read.
 import re
 from collections.abc import Sequence
 
-from ..language.claims import Claim, Step
+from ..language.claims import Step
 from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
 from ..language.phrases import read_phrase
 from ..language.reader import readings
@@ -42,7 +42,9 @@ def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str
         known = [*nouns, *named] if any(t.text in _BACK for t in tokens) else nouns
         problems += [(number, reason) for reason in _uncovered(step, tokens)]
         problems += [(number, reason) for reason in _unsaid(step, known)]
-        problems += [(number, reason) for reason in _told_otherwise(step)]
+        # The reading that contradicts the claims least.
+        told = min((_contradictions(read, step) for read in readings(step.words)), key=len)
+        problems += [(number, reason) for reason in told]
         named += nouns
         moves = any(c.kind not in ("stop", "see") for c in step.claims)
         if stopped and (moves or not step.claims):
@@ -74,7 +76,7 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
             problems.append(f"no claim says {word}")
         elif word in NEGATIONS and "avoid" not in kinds:
             problems.append(f"{word}: an instruction says what to do")
-        elif (number and not _vague(tokens, k) and not _among(number, numbers)) or (
+        elif (number and not _vague(tokens, k) and all(abs(number - n) > 0.5 for n in numbers)) or (
             word in ORDINALS and noun_kind(_after(tokens, k)) and ORDINALS[word] not in numbers
         ):
             problems.append(f"no claim says {word}")
@@ -94,12 +96,8 @@ def _unsaid(step: Step, nouns: Sequence[str]) -> list[str]:
     return [f"no word says {n}" for n in names if not any(_covers(n, word) for word in nouns)]
 
 
-def _told_otherwise(step: Step) -> list[str]:
-    """Return how the words contradict the claims in the reading that does so least."""
-    return min((_contradictions(read, step) for read in readings(step.words)), key=len)
-
-
 def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
+    """Return how the words of a step, read in one way, contradict its claims."""
     problems = [fault for part in read for fault in part.faults]
     claims = [claim for part in read for claim in part.claims]
     # A side belongs to its thing: "the sofa on your left and the table on your right".
@@ -118,15 +116,14 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     for name in stops:
         if ends and not any(_covers(end, name) for end in ends):
             problems.append(f"no claim stops at the {name}")
-    told, meant = (_passed(row) for row in (claims, step.claims))
+    told, meant = (
+        [singular(c.name) for c in row if c.kind == "pass" and c.what == "thing"]
+        for row in (claims, step.claims)
+    )
     other = any(token.text in _OTHER_ORDER for token in tokenize(step.words))
     if not other and told != meant and sorted(told) == sorted(meant):
         problems.append(f"the words pass {', '.join(told)}, the claims {', '.join(meant)}")
     return problems
-
-
-def _passed(claims: Sequence[Claim]) -> list[str]:
-    return [singular(c.name) for c in claims if c.kind == "pass" and c.what == "thing"]
 
 
 def _after(tokens: Sequence[Token], k: int) -> str:
@@ -142,10 +139,6 @@ def _vague(tokens: Sequence[Token], k: int) -> bool:
     return tokens[k].text in ("one", "couple", "double", "pair", "half") or bool(
         around & {"of", "or"}
     )
-
-
-def _among(number: float, numbers: set[float]) -> bool:
-    return any(abs(number - n) < 0.51 for n in numbers)
 
 
 def _covers(name: str, word: str) -> bool:

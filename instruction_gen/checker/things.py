@@ -46,13 +46,9 @@ class Things:
                 self.facing[n, k], self.open[n, k] = m.facing_deg, m.open
                 self.seen[n, k] = m.open or m.pixels >= _VISIBLE_PIXELS
         self.near_m = np.where(self.open | (self.distance <= _TOUCH_M), self.distance, np.inf)
-        rooms = [self._room_at(along) for along in self.along_m]
+        rooms = [facts.room_at(along) for along in self.along_m]
         own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
-
-    def _room_at(self, along_m: float) -> str:
-        visits = self.facts.visits
-        return next((v.room for v in visits if along_m <= v.to_m), visits[-1].room)
 
     def between(self, low_m: float, high_m: float) -> Mask:
         """Return the places between two distances along the path."""

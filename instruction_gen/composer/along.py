@@ -7,7 +7,7 @@ from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .names import Names
 from .records import Event, Taste
-from .refer import at_start, passed, room_at
+from .refer import at_start, passed
 
 PASS_DOOR_M = 1.8
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
@@ -115,7 +115,7 @@ def with_distances(
     for event in events:
         gap = event.along_m - before
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
-        room = room_at(facts, before + 0.5 * gap)
+        room = facts.room_at(before + 0.5 * gap)
         beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
         gap = gap if speaks else gap - _LONG_M
         long = gap > (2.0 if bare else _LONG_M)

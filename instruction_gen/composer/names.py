@@ -9,7 +9,7 @@ from ..facts.records import LandmarkFact, PassageFact, PathFacts
 from ..language.lexicon import OBJECT_PHRASES
 from ..language.nouns import answers, called, spoken
 from .grammar import name_of, pick
-from .refer import Reference, at_hand, in_row, landmark
+from .refer import Reference, at_hand, in_row
 
 _SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
 _BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
@@ -106,7 +106,8 @@ class Names:
 
     def beside(self, reference: Reference) -> Reference | None:
         """Return the thing that stands right beside another, if it can be named."""
-        other = landmark(self.facts, reference.mark.beside)
+        beside = reference.mark.beside
+        other = next((m for m in self.facts.landmarks if m.name == beside and m.nameable), None)
         if reference.plural or other is None or other.noun in self.nouns:
             return None
         result = self.refer(other, other.distance_m)

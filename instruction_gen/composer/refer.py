@@ -55,7 +55,7 @@ def in_view(
 ) -> float | None:
     """Return how far a thing in the same room is that is in view ahead [m], else None."""
     m = moment_at(mark, along_m)
-    if mark.room not in ("", room_at(facts, along_m)):
+    if mark.room not in ("", facts.room_at(along_m)):
         return None
     seen = m is not None and mark.nameable and (m.open or m.pixels >= _SEEN_PIXELS)
     if (
@@ -73,11 +73,6 @@ def moment_at(mark: LandmarkFact, along_m: float) -> Moment | None:
     k = bisect_left(mark.moments, along_m, key=lambda m: m.along_m)
     near = (m for m in mark.moments[max(0, k - 1) : k + 1] if abs(m.along_m - along_m) <= 0.2)
     return min(near, key=lambda m: abs(m.along_m - along_m), default=None)
-
-
-def room_at(facts: PathFacts, along_m: float) -> str:
-    """Return the room at a place of the path, "" when unknown."""
-    return next((v.room for v in facts.visits if along_m <= v.to_m), "")
 
 
 def at_start(mark: LandmarkFact, facts: PathFacts) -> tuple[str, float] | None:
@@ -103,7 +98,7 @@ def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) ->
     """Return whether a thing is passed between two places of the path [m]."""
     beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
     # What one sees through a door is not passed.
-    here = mark.room in ("", room_at(facts, mark.along_m))
+    here = mark.room in ("", facts.room_at(mark.along_m))
     return bool(mark.nameable and beside and here and came_by(mark))
 
 
@@ -127,11 +122,6 @@ def came_by(mark: LandmarkFact) -> bool:
         m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
         for m in mark.moments
     )
-
-
-def landmark(facts: PathFacts, name: str) -> LandmarkFact | None:
-    """Return the nameable landmark of a name, None where there is none."""
-    return next((m for m in facts.landmarks if m.name == name and m.nameable), None)
 
 
 def in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:

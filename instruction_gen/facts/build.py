@@ -105,19 +105,14 @@ def _passages(
         side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
         side = side or (into.side if into and abs(into.angle_deg) > 45.0 else "")
         to_room = shared.names[c.to_region]
+        place = _place_in_row(landmarks, side, visit.from_m, c.along_m) if side else 0
+        alike = max(0, visit.beyond.count(to_room) - 1) if to_room else 0
         result.append(
             PassageFact(
-                round(c.along_m, 2),
-                shared.names[c.from_region],
-                to_room,
-                c.width_m <= DOORWAY_M,
-                bearing,
-                side,
-                _place_in_row(landmarks, side, visit.from_m, c.along_m) if side else 0,
-                max(0, visit.beyond.count(to_room) - 1) if to_room else 0,
-                _thing_at(shared, c),
+                round(c.along_m, 2), shared.names[c.from_region], to_room, c.width_m <= DOORWAY_M,
+                bearing, side, place, alike, _thing_at(shared, c),
             )
-        )
+        )  # fmt: skip
     return tuple(result)
 
 

@@ -40,45 +40,24 @@ def landmarks_of(
     """
     if not shared.things:
         return ()
-    seen = _by_thing(sight)
+    seen, beside = _by_thing(sight), _beside(shared)
     skin_m = np.array([skin_of(noun) for noun in shared.nouns])
     where = relations(track, shared.low_m, shared.high_m, shared.regions, skin_m)
-    neighbours = _beside(shared)
-    result = []
-    for n, thing in enumerate(shared.things):
-        glimpses = seen.get(thing.name, ())
-        near = (where.open[:, n] | _looked(track, glimpses)) & (where.distance_m[:, n] <= 8.0)
-        if not near.any():
-            continue
-        result.append(
-            _landmark(
-                shared,
-                track,
-                where,
-                n,
-                neighbour=neighbours[n],
-                near=near,
-                glimpses=glimpses,
-                looked=sight is not None,
-            )
-        )
-    result.sort(key=lambda m: (m.along_m, m.name))
-    return _counted(result)
+    marks = [
+        _landmark(shared, track, where, n, beside[n], seen.get(thing.name, ()), sight is not None)
+        for n, thing in enumerate(shared.things)
+    ]
+    near = [mark for mark in marks if mark.moments]
+    return _counted(sorted(near, key=lambda m: (m.along_m, m.name)))
 
 
 def _landmark(
-    shared: LevelFacts,
-    track: Track,
-    where: Relations,
-    n: int,
-    *,
-    neighbour: str,
-    near: NDArray[np.bool_],
-    glimpses: Sequence[Glimpse],
-    looked: bool,
-) -> LandmarkFact:
+    shared: LevelFacts, track: Track, where: Relations, n: int,
+    neighbour: str, glimpses: Sequence[Glimpse], looked: bool,
+) -> LandmarkFact:  # fmt: skip
     thing, noun = shared.things[n], shared.nouns[n]
     floor_z_m = shared.bundle.level_floor_z_m[shared.level]
+    near = (where.open[:, n] | _looked(track, glimpses)) & (where.distance_m[:, n] <= 8.0)
     # Where it is nearest in the open; behind a wall only if it is never in the open.
     distance = np.where(where.open[:, n], where.distance_m[:, n], where.distance_m[:, n] + 100.0)
     k = int(np.argmin(distance))

@@ -225,3 +225,7 @@ class PathFacts:
     def goal_room(self) -> str:
         """Where the path stops, "" when unknown."""
         return self.visits[-1].room if self.visits else ""
+
+    def room_at(self, along_m: float) -> str:
+        """Return the room at a place of the path, "" when unknown."""
+        return next((v.room for v in self.visits if along_m <= v.to_m), self.goal_room)

@@ -24,7 +24,7 @@ def step_of(clause: Clause, text: str) -> Step:
 
 def _is_content(word: str) -> bool:
     """Return whether a word says something that should be covered by a claim."""
-    return _is_closed(word) or not (word == "'s" or word in SMALL)
+    return _is_closed(word) or word not in SMALL | {"'s"}
 
 
 def _is_closed(word: str) -> bool:
