@@ -146,7 +146,10 @@ def instruct_episodes(
     def describe(path: str, facts: PathFacts) -> Written:
         ground = Ground(facts)
         texts, problems = write(ground, path_generator(seed, path))
-        texts = [_timed(text, ground) for text in texts]
+        texts = [  # with where the steps begin, if its words are those of the steps
+            replace(t, from_m=step_starts_m(t.steps, ground)) if t.language == "en" else t
+            for t in texts
+        ]
         taken.update(text.text for text in texts)
         return texts, problems
 
@@ -183,7 +186,8 @@ def instruct_episodes(
 
 def _writer(config: InstructConfig, taken: set[str], cache: Path, result: InstructResult) -> Writer:
     if config.writer == COMPOSER:
-        return composer_writer(config, taken)
+        usage, styles = Usage(), config.styles
+        return lambda ground, rng: compose_texts(ground, config.count, styles, rng, taken, usage)
     settings = config.llm
     if settings is None:
         raise InputError(f"--writer {config.writer}: no language model is configured")
@@ -196,22 +200,6 @@ def _writer(config: InstructConfig, taken: set[str], cache: Path, result: Instru
     client = Client(settings, cache, backend_of(settings, texts=config.count))
     result.model.append(client)
     return ModelWriter(client, config)
-
-
-def _timed(text: WrittenText, ground: Ground) -> WrittenText:
-    """Return the text with where its steps begin, if its words are those of the steps."""
-    own = text.language == "en"
-    return replace(text, from_m=step_starts_m(text.steps, ground)) if own else text
-
-
-def composer_writer(config: InstructConfig, taken: set[str]) -> Writer:
-    """Return the composer as a writer; it avoids texts in `taken`."""
-    usage = Usage()
-
-    def write(ground: Ground, rng: np.random.Generator) -> Written:
-        return compose_texts(ground, config.count, config.styles, rng, taken, usage)
-
-    return write
 
 
 def with_texts(

@@ -1,5 +1,6 @@
 """The landmarks of a path: things near it, as the map and the robot's camera show them."""
 
+import colorsys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -8,7 +9,6 @@ from numpy.typing import NDArray
 
 from ...formats.scene.visibility import Glimpse, PathSight
 from ..language.nouns import looks_of
-from .colours import colour_name
 from .doors import DOOR
 from .geometry import Relations, Track, relations, skin_of
 from .level import LevelFacts
@@ -84,7 +84,8 @@ def _landmark(
         name=thing.name,
         noun=noun,
         room=shared.rooms[n],
-        colour=colour or (colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
+        colour=colour
+        or (_colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
         material=material,
         nameable=bool(nameable),
         count=1,
@@ -172,3 +173,29 @@ def _looked(track: Track, glimpses: Sequence[Glimpse]) -> NDArray[np.bool_]:
 
 def _degrees(angle_rad: float) -> float:
     return round(float(np.rad2deg(angle_rad)), 1)
+
+
+def _colour_name(rgb: tuple[int, int, int]) -> str:
+    """Return the name of a mean sRGB colour (0–255), "" between names.
+
+    Scans are lit warmly and unevenly: greys, whites and browns run into each other, so only
+    clearly coloured and clearly dark things are named.
+    """
+    hue, saturation, value = colorsys.rgb_to_hsv(*(v / 255 for v in rgb))
+    degrees = 360 * hue
+    if value < 0.16:
+        return "black"
+    if saturation < 0.38 or value < 0.22:
+        return ""
+    for low, high, name in (
+        (0, 12, "red"),
+        (20, 36, "brown" if value < 0.55 else ""),
+        (48, 62, "yellow" if value > 0.5 else ""),
+        (85, 160, "green"),
+        (200, 250, "blue"),
+        (265, 300, "purple"),
+        (348, 361, "red"),
+    ):
+        if low <= degrees < high:
+            return name
+    return ""

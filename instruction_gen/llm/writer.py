@@ -4,12 +4,12 @@ import numpy as np
 
 from ...formats.core.errors import InputError
 from ..checker import Ground, Verdict, check_text
+from ..checker.form import script_problems
 from ..composer import compose_texts
 from ..records import InstructConfig, WrittenText
 from .answers import Text
-from .brief import first_messages, repair_messages
+from .brief import back_messages, first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
-from .foreign import check_translation
 
 REPAIRS = 2
 
@@ -106,8 +106,27 @@ class ModelWriter:
         if any(words == one.text for one in good):
             return Verdict(("it repeats another text word for word",))
         if language != "en":
-            return check_translation(self._client, words, language, ground)
+            return self._translated(words, language, ground)
         try:
             return check_text(words, ground, text.claimed())
         except InputError as error:
             return Verdict((str(error),))
+
+    def _translated(self, text: str, language: str, ground: Ground) -> Verdict:
+        """Check a text by its translation into English, which becomes the steps of the verdict.
+
+        The model is asked without the facts, so that it cannot translate what should be there. If
+        it gives no usable translation, the whole text is unchecked.
+        """
+        if problems := script_problems(text, language):
+            return Verdict(tuple(problems))
+        try:
+            back = self._client.ask(back_messages(text)).instructions[0]
+            steps = back.claimed()
+        except ModelDownError:
+            raise
+        except (ModelError, InputError):
+            return Verdict((), unchecked=(text,))
+        verdict = check_text(back.words, ground, steps)
+        said = tuple(f"translated back: {problem}" for problem in verdict.problems)
+        return Verdict(said, (), verdict.unchecked, verdict.steps)
