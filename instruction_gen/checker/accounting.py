@@ -7,23 +7,24 @@ ways in which they can be read.
 """
 
 import re
+from collections import Counter
 from collections.abc import Sequence
 
 from ..language.claims import Step
+from ..language.clauses import verb_at
 from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
 from ..language.phrases import read_phrase
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize
-from ..language.words import NEGATIONS, ORDINALS, PRONOUNS, VERB_OF, is_known, number_of
+from ..language.words import NEGATIONS, ORDINALS, UNITS_M, VERB_OF, is_known, number_of
 
 # Which claims account for a verb.
 _VERBS = {
     "stop": {"stop"},
-    "enter": {"enter", "in", "door"},
+    "enter": {"enter", "in", "door", "stop"},
     "leave": {"leave", "door"},
     "pass": {"pass", "see"},
 }
-_BACK = PRONOUNS | {"that", "there", "this", "its"}  # words that speak of what was named before
 _TWICE = ("twice", "two", "double")
 _OTHER_ORDER = ("before", "after", "UNTIL", "from", "behind")  # words that turn the order around
 
@@ -39,9 +40,8 @@ def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str
     for number, step in enumerate(steps):
         tokens = tokenize(step.words)
         nouns = [t.text for t in tokens if noun_kind(t.text) in ("thing", "room")]
-        known = [*nouns, *named] if any(t.text in _BACK for t in tokens) else nouns
         problems += [(number, reason) for reason in _uncovered(step, tokens)]
-        problems += [(number, reason) for reason in _unsaid(step, known)]
+        problems += [(number, reason) for reason in _unsaid(step, [*nouns, *named])]
         # The reading that contradicts the claims least.
         told = min((_contradictions(read, step) for read in readings(step.words)), key=len)
         problems += [(number, reason) for reason in told]
@@ -70,7 +70,8 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
     names = [n for c in step.claims for n in (c.name, c.room) if n]
     doors = any(c.what in ("door", "room") for c in step.claims)
     for k, token in enumerate(tokens):
-        word, kind = token.text, noun_kind(token.text)
+        word = token.text
+        kind = "" if verb_at(tokens, k) or word in UNITS_M else noun_kind(word)
         verb, number = VERB_OF.get(word, ""), number_of(word)
         if word in ("left", "right") and word not in sides:
             problems.append(f"no claim says {word}")
@@ -101,16 +102,18 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     problems = [fault for part in read for fault in part.faults]
     claims = [claim for part in read for claim in part.claims]
     # A side belongs to its thing: "the sofa on your left and the table on your right".
+    told, meant = ([c.side for c in row if c.kind == "turn"] for row in (claims, step.claims))
+    unread = Counter(meant) - Counter(told)  # "go around the bed to the left"
     for claim in claims:
-        if claim.what == "thing" and claim.side in ("left", "right"):
+        if claim.what == "thing" and claim.side in ("left", "right") and not unread[claim.side]:
             own = [c for c in step.claims if c.what == "thing" and _covers(c.name, claim.name)]
             if own and not any(c.side == claim.side for c in own):
                 problems.append(f"no claim says that the {claim.name} is on the {claim.side}")
-    told, meant = ([c.side for c in row if c.kind == "turn"] for row in (claims, step.claims))
-    twice = any(token.text in _TWICE for token in tokenize(step.words))
-    if (len(told) == len(meant) and told != meant) or (len(told) < len(meant) and not twice):
-        words = ", ".join(told) or "nowhere"
-        problems.append(f"the words turn {words}, the claims {', '.join(meant)}")
+    words = [token.text for token in tokenize(step.words)]
+    unsaid = set(unread - Counter(words)) - {"around"} and not set(words) & set(_TWICE)
+    if (len(told) == len(meant) and told != meant) or unsaid:
+        way = ", ".join(told) or "nowhere"
+        problems.append(f"the words turn {way}, the claims {', '.join(meant)}")
     stops, ends = ([c.name for c in row if c.kind == "stop" and c.name]
                    for row in (claims, step.claims))  # fmt: skip
     for name in stops:
@@ -120,7 +123,7 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
         [singular(c.name) for c in row if c.kind == "pass" and c.what == "thing"]
         for row in (claims, step.claims)
     )
-    other = any(token.text in _OTHER_ORDER for token in tokenize(step.words))
+    other = set(words) & set(_OTHER_ORDER)
     if not other and told != meant and sorted(told) == sorted(meant):
         problems.append(f"the words pass {', '.join(told)}, the claims {', '.join(meant)}")
     return problems

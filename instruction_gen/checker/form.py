@@ -10,7 +10,7 @@ _LIST = re.compile(r"(?:^|\s)(?:\d{1,2}|[a-h]|i{1,3}|iv)[.)]\s|(?:^|\n)\s*[-•]
 # "You see the sofa, right?" asks nothing.
 _QUESTION = re.compile(
     r"(?:^|[.!?;:] )\W*(?:and |so )?"
-    r"(?:wh\w+|how|is|are|do|does|can|could|will|would|should)\b[^.!?]*\?",
+    r"(?:wh\w+|how|is|are|do|does|should|(?:can|could|will|would)(?! you (?!see)))\b[^.!?]*\?",
     re.IGNORECASE,
 )
 _FIRST_PERSON = re.compile(

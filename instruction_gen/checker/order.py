@@ -189,6 +189,8 @@ class _Walk:
 
     def _distance(self, claim: Claim) -> str:
         d = claim.metres
+        if not d and not claim.vague:  # to walk on
+            return ""
         low, high = (0.2, max(6.0, 2 * d)) if claim.vague else (0.7 * d - 0.6, 1.35 * d + 0.8)
         result: States = {}
         for made, here in self.states.items():
@@ -204,7 +206,8 @@ class _Walk:
         return ""
 
     def _avoid(self, claim: Claim) -> str:
-        names = room_names(claim.name)
+        own = claim.name in self.ground.facts.level_rooms  # not the children's bedroom
+        names = frozenset([claim.name]) if own else room_names(claim.name)
         first = min(float(self.along[np.argmax(m)]) for m in self.states.values())
         later = [v for v in self.ground.facts.visits if v.room in names and v.from_m > first + 0.5]
         twins = self.ground.facts.level_rooms.count(claim.name) > 1

@@ -80,12 +80,12 @@ def _landmark(
     for g in glimpses:
         pixels[int(np.argmin(np.abs(track.along_m - g.along_m)))] = g.pixels
     colour, material = looks_of(thing.category)
+    shown = _colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""
     return LandmarkFact(
         name=thing.name,
         noun=noun,
         room=shared.rooms[n],
-        colour=colour
-        or (_colour_name(best.rgb) if best is not None and best.pixels >= 120 else ""),
+        colour=colour or shown,
         material=material,
         nameable=bool(nameable),
         count=1,

@@ -99,6 +99,8 @@ def _named(
         owner, more, end = read_phrase(tokens, after + 1) or (Claim("see"), (), 0)
         if owner.what == "room" and what != "room" and not owner.ordinal:
             return replace(target, room=owner.name), (*used, *range(k, after + 1), *more), end
+        if owner.what == "thing" and tokens[after].text == "of" and what != "room":
+            return target, (*used, after, *more), end  # "a chair of the table"
     return target, used, k
 
 

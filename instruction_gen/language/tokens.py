@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
 from .tables import closed
-from .words import LONGEST_PHRASE, NUMBERS, phrases
+from .words import LONGEST_PHRASE, NUMBERS, VERB_OF, phrases
 
 _TOKEN = re.compile(r"[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
 _ENDINGS = {
@@ -78,7 +78,7 @@ def _is_noun(phrase: str) -> bool:
 def _nouns(raw: list[Token]) -> list[Token]:
     """Join the words of known nouns."""
 
-    def noun(words: Sequence[str], after: str) -> tuple[str, ...] | None:
+    def noun(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         exact = " ".join(words)
         phrase = " ".join([*words[:-1], singular(words[-1])])
         return (exact,) if len(words) > 1 and (_is_noun(phrase) or _is_noun(exact)) else None
@@ -90,25 +90,26 @@ def _meant(raw: list[Token]) -> list[Token]:
     """Return the tokens with phrases of `words.phrases` read as other words."""
     table = phrases()
 
-    def meaning(words: Sequence[str], after: str) -> tuple[str, ...] | None:
+    def meaning(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         result = table.get(tuple(words))
         alone = not after[0].isalnum() or after in _ALONE
-        return None if result and result[0] in _LONE and not alone else result
+        turned = words[0] == "right" and VERB_OF.get(before) == "turn"  # "turn right there"
+        return None if turned or (result and result[0] in _LONE and not alone) else result
 
     return _replaced(raw, LONGEST_PHRASE, meaning)
 
 
 def _replaced(
-    raw: list[Token], longest: int, by: Callable[[Sequence[str], str], tuple[str, ...] | None]
+    raw: list[Token], longest: int, by: Callable[[Sequence[str], str, str], tuple[str, ...] | None]
 ) -> list[Token]:
-    """Replace the longest runs of tokens for which there are other words, given what follows."""
+    """Replace the longest runs of tokens for which there are other words, given those around."""
     result: list[Token] = []
     texts = [token.text for token in raw] + ["."]
     k = 0
     while k < len(raw):
         size, words = 1, (raw[k].text,)
         for more in range(min(longest, len(raw) - k), 0, -1):
-            if (other := by(texts[k : k + more], texts[k + more])) is not None:
+            if (other := by(texts[k : k + more], texts[k - 1], texts[k + more])) is not None:
                 size, words = more, other
                 break
         result += [Token(word, raw[k].start, raw[k + size - 1].stop) for word in words]
