@@ -65,10 +65,22 @@ class Ground(Things):
             row = [n for n, here in zip(row, on_side, strict=True) if here.any()]
         along = [self.facts.landmarks[n].along_m for n in row]
         numbers = {passage.ordinal} - {0}
-        for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
+        for first_m in (visit.from_m - 0.3, visit.from_m + 0.5)[bool(side) :]:
             numbers.add(1 + sum(first_m <= a < passage.along_m - 0.5 for a in along))
         last = not any(passage.along_m + 0.8 < a <= visit.to_m for a in along)
         return numbers | ({-1} if last else set())
+
+    def doors_passed(self, claim: Claim, from_m: float) -> int:
+        """Return how many doorways of a claim are passed before the next one is gone through."""
+        ahead = (p.along_m for p in self.facts.passages if p.along_m > from_m + 0.5)
+        to_m = next(ahead, self.length_m + 1.0)
+        marks = [(self.facts.landmarks[n], self.near_m[n].min()) for n in self.meant(claim)]
+        return sum(
+            _THROUGH_M < near_m <= BESIDE_M
+            and from_m - 1.5 <= mark.along_m < to_m
+            and claim.side in ("", mark.side)
+            for mark, near_m in marks
+        )
 
     def _crossed(self, claim: Claim, room, ends: Sequence[str], fault: str) -> Place:
         names = room_names(claim.name)
@@ -127,7 +139,8 @@ class Ground(Things):
                 if self.door_side(p, side):
                     mask |= self.between(p.along_m - 4.0, p.along_m + 0.5)
         marks = list(enumerate(self.facts.landmarks))
-        doors = [n for n, m in marks if m.noun == DOOR and names & set(m.leads)]
+        doors = [n for n, m in marks if m.noun == DOOR and names & set(m.leads)
+                 and self.near_m[n].min() > _THROUGH_M]  # fmt: skip
         within = [n for n, m in marks if m.noun != DOOR and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
             off = np.abs(self.bearing[rows])

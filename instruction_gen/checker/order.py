@@ -52,6 +52,7 @@ class _Walk:
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
         self.ground, self.claims, self.owners = ground, claims, owners
         self.room: tuple[int, Claim, Mask] | None = None  # the last room that was entered
+        self.inside = ("", -np.inf)  # the last room that is walked in, and from where [m]
         self.along, self.turns = ground.along_m, Turns(ground, claims)
         start = np.zeros(len(self.along), dtype=bool)
         start[0] = True
@@ -115,7 +116,8 @@ class _Walk:
         through = before.kind in ("leave", "enter", "door")
         apart = self.index and self.owners[self.index - 1] != self.owners[self.index]
         first_m = min(float(self.along[np.argmax(here)]) for here in self.states.values())
-        since = int(np.searchsorted(self.along, first_m + 0.9 * (apart and through) - 0.1))
+        beyond_m = 0.9 * (apart and through) + 0.4 * (before.kind == "turn")
+        since = int(np.searchsorted(self.along, first_m + beyond_m - 0.1))
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
             claim, since
         )
@@ -138,12 +140,30 @@ class _Walk:
                 mask = mask & (self.along >= first + 0.5)  # not what stands in the room before
             if not mask.any():
                 return f"the {claim.text or 'doorway'} is not in the room that the text has entered"
+        at_m = min(self._middle_m(here) for here in self.states.values())
+        if claim.kind == "pass" and claim.what == "door" and claim.count > 1 and (
+            self.ground.doors_passed(claim, at_m) < claim.count
+        ):  # fmt: skip
+            return f"there are not {claim.count} doorways to pass"
+        if claim.kind == "in" and claim.name:
+            if self.inside[0] != claim.name:
+                mask = mask & (self.along >= self.inside[1] + 0.6)
+            visits = [v for v in self.ground.facts.visits if v.room in room_names(claim.name)]
+            first = min(float(self.along[np.argmax(here)]) for here in self.states.values())
+            from_m = min((v.from_m for v in visits if v.to_m > first + 0.5), default=self.inside[1])
+            self.inside = (claim.name, from_m)
+            if not mask.any():
+                return f"the {claim.name} comes earlier on the path than the text says"
         slack, still = _SLACK_M[claim.kind], claim.kind == "see" or claim.kind == "pass"
         states = self.states
         if self.tight is not None and claim.kind in ("door", "enter", "leave"):
-            near = {k: spread(m, self.along, 1.0) for k, m in self.tight.items()}
-            onward = {k: m for k, m in near.items() if (m & mask).any()}
-            states = onward or states  # "walk nine metres, out of the room and down the hall"
+            near = {k: spread(m, self.along, 0.3) for k, m in self.tight.items()}
+            onward = {k: m for k, m in near.items() if (m & ~spread(~mask, self.along, 0.4)).any()}
+            # "Walk nine metres, out of the room and down the hall."
+            if not onward and all(not (m & (self.along > self.along[mask][-1])).any()
+                                  for m in near.values()):  # fmt: skip
+                return f"the {claim.text or 'doorway'} is farther than the distance before it"
+            states = onward or states
             self.tight = None
         result: States = {}
         for made, here in states.items():
@@ -154,6 +174,8 @@ class _Walk:
             ahead = reach & (self.along >= first - 0.3)
             if claim.kind == "see":
                 result[made] = here
+            elif claim.kind == "in" and (here & mask).any():
+                result[made] = here & mask
             elif still:
                 result[made] = ahead if ahead.any() else here
             else:
@@ -191,11 +213,12 @@ class _Walk:
         d = claim.metres
         if not d and not claim.vague:  # to walk on
             return ""
-        low, high = (0.2, max(6.0, 2 * d)) if claim.vague else (0.7 * d - 0.6, 1.35 * d + 0.8)
+        low, high = (0.2, max(6.0, 2 * d)) if claim.vague else (0.75 * d - 0.4, 1.3 * d + 0.7)
         result: States = {}
         for made, here in self.states.items():
             far = np.zeros_like(here)
-            for at in self.along[here]:
+            core = spread(~here, self.along, 0.4)  # the state reaches beyond a door on both sides
+            for at in self.along[here & ~core if (here & ~core).any() else here]:
                 far |= self.ground.between(at + low, at + high)
             far &= self.along <= self._limit(made, float(self.along[np.argmax(here)]))
             if far.any():
@@ -225,7 +248,7 @@ class _Walk:
             return reason
         end = ground.between(ground.length_m - 0.5, ground.length_m)
         if self.tight is not None and not any(
-            (spread(m, self.along, 1.2) & end).any() for m in self.tight.values()
+            (spread(m, self.along, 0.8) & end).any() for m in self.tight.values()
         ):
             return "the path goes on farther than the distance before the stop"
         if self.tight is not None:

@@ -167,7 +167,7 @@ class Things:
             if not here.any():
                 return nothing, f"that is not {name} number {claim.ordinal}"
         result = np.asarray(here.any(axis=0))
-        if claim.count > 1:
+        if claim.count > 1 and claim.what != "door":
             result = result & self._counted(chosen, claim.count)
             if not result.any():
                 return nothing, f"there are not {claim.count} of them ({name})"
@@ -234,7 +234,10 @@ class Things:
     def ordinal(self, chosen: list[int], claim: Claim) -> Mask:
         """Return which things have an ordinal, counted from the start, in a room, or on a side."""
         marks = self.facts.landmarks
-        near = [n for n in chosen if (self.near_m[n] <= BESIDE_M).any()]
+        every = self.meant(Claim("see", "door")) if claim.what == "door" else chosen
+        least_m = 0.4 * (claim.what == "door")  # not one that is gone through before
+        near = [n for n in every if self.near_m[n].min() <= BESIDE_M
+                and (n in chosen or self.near_m[n].min() > least_m)]  # fmt: skip
         near.sort(key=lambda n: marks[n].along_m)
         rows = [near]
         if claim.side in ("left", "right"):

@@ -17,7 +17,7 @@ _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _END_M = 0.9
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
-_SLACK_M = 1.3
+_SLACK_M, _BEHIND_M = 1.3, 0.5
 
 
 class Turns:
@@ -64,7 +64,7 @@ class Turns:
         ground, first = self.ground, float(self.along[np.argmax(here)])
         behind = index > 0 and self.claims[index - 1].kind in ("leave", "enter", "door")
         # Behind a door: what bends well before it is another turn.
-        from_m = first + 0.1 if behind else first - _SLACK_M
+        from_m = first + _BEHIND_M if behind else first - _SLACK_M
         limit = self.limit_m(made, index, first)
         for k in range(made, len(self.turns)):
             if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
@@ -123,7 +123,9 @@ class Turns:
             if turn.side != first.side or apart_m > _ONE_BEND_M:
                 break
             total += abs(turn.angle_deg)
-            if _is(claim, first.side, total, _MOST_DEG if j == k else _MERGED_DEG):
+            most_deg = _MOST_DEG if j == k else _MERGED_DEG
+            other = j > k and claim.side not in (first.side, "around")
+            if not other and _is(claim, first.side, total, most_deg):
                 result.append(j + 1)
         return result
 
@@ -137,7 +139,7 @@ class Turns:
         doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
         for index, claim in enumerate(self.claims):
-            if any(_goes(claim, p.from_room, p.to_room) for p in doors):
+            if claim.side != "ahead" and any(_goes(claim, p.from_room, p.to_room) for p in doors):
                 return index
             if claim.what == "thing" and (
                 # The way around a thing bends; a thing ahead is walked up to.

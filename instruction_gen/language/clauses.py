@@ -33,6 +33,7 @@ class Clause:
         verb: the kind of its verb; inherited in a list.
         prep: its last preposition.
         negated: it says what not to do.
+        straight: it says `straight`.
         used: indices of the tokens that its claims cover.
         faults: what is wrong with its words.
     """
@@ -45,6 +46,7 @@ class Clause:
     verb: str = ""
     prep: str = ""
     negated: bool = False
+    straight: bool = False
     claims: list[Claim] = field(default_factory=list)
     used: set[int] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
@@ -53,6 +55,13 @@ class Clause:
     def has_verb(self) -> bool:
         """Whether it has a verb of its own."""
         return any(verb_at(self.tokens, k) for k in range(len(self.tokens)))
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether the way that it tells has no turn."""
+        across = any(token.text == "across" for token in self.tokens)
+        turns = any(claim.kind == "turn" for claim in self.claims)
+        return (across or self.straight) and not turns
 
     def says(self, *words: str) -> bool:
         """Return whether any of some words is in it."""
@@ -65,7 +74,9 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
     sentence = 0
     for k, token in enumerate(tokens):
         word = token.text
-        if word in _ENDS:
+        if word in ("STRAIGHT", "straight"):
+            result[-1].straight = True
+        elif word in _ENDS:
             sentence += 1
             result.append(Clause([], sentence=sentence))
         elif word == "and" and [t.text for t in tokens[k + 1 : k + 3]] == ["a", "half"]:
@@ -98,9 +109,11 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     kind = VERB_OF.get(word, "")
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
+    count = before in ORDINALS and k > 1 and tokens[k - 2].text in DETERMINERS  # "the first turn"
     noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
-        before in table for table in (ORDINALS, SLIGHT, SHARP, _NOT_VERB_AFTER)
+        before in table for table in (SLIGHT, SHARP, _NOT_VERB_AFTER)
     )
+    noun = noun or count
     if not kind or (noun and kind != "see" and word not in ("leads", "opens")):
         return ""
     if (word in PARTS and after == "of") or (

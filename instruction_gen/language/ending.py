@@ -16,6 +16,11 @@ _MAY_ANNOUNCE = _ANNOUNCE | closed("may announce")
 def arrange(clauses: list[Clause]) -> None:
     """Put what is named with a turn before it, and the stop at the end."""
     for k, clause in enumerate(clauses):
+        after = clauses[k + 1] if k + 1 < len(clauses) else Clause([])
+        if after.joint in ("and", "or") and after.verb == "see" and not clause.verb and any(
+            c.kind == "in" for c in clause.claims
+        ):  # fmt: skip
+            clause.claims = []  # "kitchen and living room are the other way"
         n = next((n for n, c in enumerate(clause.claims) if c.kind == "turn"), -1)
         if n >= 0:
             clause.claims = [*clause.claims[:n], *_turned(clause.claims[n:])]
@@ -73,7 +78,11 @@ def _end(clauses: list[Clause]) -> None:
         if any(c.what for k in stops for c in clauses[k].claims if c.kind == "stop"):
             clause.claims = [c for c in clause.claims if c.kind != "stop" or c.what]
     for k in moves:
-        if k > last and clauses[k].sentence > clauses[last].sentence:
+        then = clauses[k].joint in ("then", "and") and not clauses[last].until
+        after = clauses[k].sentence > clauses[last].sentence or (
+            then and any(c.kind in ("turn", "leave", "enter") for c in clauses[k].claims)
+        )
+        if k > last and after and not clauses[k].until:
             clauses[k].faults.append("the text goes on after the stop")
 
 

@@ -22,6 +22,7 @@ _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 _MOST_DOUBTS = 4
+_NEAR_M = 1.6
 _KEEPS = ("keep", "keeping", "stay", "staying")
 
 
@@ -112,7 +113,7 @@ class _Reader:
         if before is None or not starts or before.sentence != clause.sentence:
             return
         last = before.claims[-1] if before.claims else Claim("turn")
-        same = last.what == starts[0].what or last.kind == "pass"
+        same = (last.what == starts[0].what and last.kind != "leave") or last.kind == "pass"
         if same or before.negated or before.verb in ("stop", "see"):
             placed = any(read_side(clause.tokens, k) for k in range(len(clause.tokens)))
             clause.verb = before.verb
@@ -157,8 +158,11 @@ class _Reader:
             if (distance := read_distance(tokens, k)) is not None:
                 metres, vague, end = distance
                 clause.used.update(range(k, end))
-                offset = end < len(tokens) and PREP_OF.get(tokens[end].text) in _OFFSETS
-                if not clause.negated and (not offset or clause.verb == "go"):
+                offset = PREP_OF.get(tokens[end].text) if end < len(tokens) else ""
+                away = end < len(tokens) and tokens[end].text == "away"
+                near = clause.verb == "stop" and metres < _NEAR_M  # "stop a step or two before it"
+                offset = away or near or (offset in _OFFSETS and clause.verb != "go")
+                if not (clause.negated or offset):
                     claims.append(Claim("walk", metres=metres, vague=vague))
                 k = end
             elif (read := read_side(tokens, k)) is not None:
@@ -181,6 +185,10 @@ class _Reader:
                 at = stop and (clause.verb == "stop" or prep not in _WAYS)
                 claim = (stop_at if at else claim_of)(target, prep, clause)
                 if claim is not None:
+                    last = claims[-1] if claims else claim
+                    if last.what == "door" and claim.what == "room" and clause.says("is"):
+                        # "The second door on the left is that of the bathroom."
+                        claims[-1] = replace(last, room=last.room or claim.name, count=0)
                     if claim.kind == "enter" and claims and claims[-1].kind == "door":
                         # "The door on the left into the kitchen" is that of the kitchen.
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
@@ -276,6 +284,8 @@ class _Reader:
         """Give a side to the last target, and to the one that is listed with it."""
         claims, before = clause.claims, self.before
         sided(claims, named[-1], side)
+        if claims[named[-1]].kind == "in" and not clause.prep:  # "meeting room left"
+            claims[named[-1]] = replace(claims[named[-1]], kind="see")
         listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
         if listed and before is not None and len(named) == 1 and not clause.has_verb:
             last = before.claims[-1] if before.claims else None

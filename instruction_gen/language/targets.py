@@ -43,7 +43,7 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     kind = _kind(target.what, prep, verb or "-")
     if target.what == "room":
         if not kind and not verb and not prep:
-            return replace(target, kind="in") if clause.negated else None
+            return replace(target, kind="in")
         # "Until you reach the hall" says where the walker is, not that he enters it there.
         if kind == "enter" and verb != "enter" and (
             clause.until or (verb == "reach" and prep != "into")
@@ -54,6 +54,9 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
         kind = "see"  # "bathroom door right, kitchen door left"
     target = replace(target, kind=kind or _ELSE[target.what])
+    way = target.kind in ("enter", "door", "leave") or (target.what == "room" and prep == "across")
+    if way and not target.side and clause.is_straight:
+        target = replace(target, side="ahead")
     if kind == "pass" and target.what == "thing":
         degree, place = "slight" if prep == "around" else "", prep if prep == "between" else ""
         return replace(target, degree=degree, place=place)
