@@ -23,6 +23,8 @@ _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 _INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip|the room|into it)")
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
+# Who sets out has not walked yet.
+_MORE = frozenset(("more", "another", "farther", "onwards", "continue", "keep", "carry"))
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
@@ -119,8 +121,9 @@ def drafts(
         filled = " ".join(_SLOT.sub(lambda m: _slot(m[1], event), words).split())
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(words.split())
+        again = event.along_m < 0.3 and _MORE & set(words.split())
         clause = Clause(event, phrase, filled)
-        (odd if into_hall or straight else fine).append(clause)
+        (odd if into_hall or straight or again else fine).append(clause)
     return fine or odd
 
 

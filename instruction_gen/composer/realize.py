@@ -50,7 +50,7 @@ class Usage:
 
 def _runs(text: str) -> Iterable[tuple[str, ...]]:
     words = text.lower().replace(",", "").replace(".", "").split()
-    for n in (1, 1, 2, 3, 3):
+    for n in (1, 1, 1, 1, 2, 3):
         for k in range(len(words) - n + 1):
             yield tuple(words[k : k + n])
 

@@ -37,7 +37,7 @@ def find_turns(path_xy_m: NDArray[np.float64], start_yaw_rad: float) -> tuple[Tu
             found.append((float(along[k]), angle))
     # The first leg's chord cuts the path's bend: only a clear difference is a turn.
     angle = float(wrap_angle(headings[0] - start_yaw_rad))
-    found = [(0.0, angle)] * (abs(angle) > _AT_START_RAD) + found
+    found = ([(0.0, angle)] if abs(angle) > _AT_START_RAD else []) + found
     return tuple(
         TurnFact(round(at_m, 2), round(float(np.rad2deg(angle)), 1))
         for at_m, angle in found

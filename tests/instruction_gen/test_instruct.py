@@ -345,7 +345,7 @@ def test_every_phrase_uses_words_that_the_checker_knows():
         "A": "the kitchen", "B": "the office", "C": "the bedroom", "X": "the sofa",
         "Y": "the table", "s": "left", "t": "right", "n": "four metres", "o": "second",
     }  # fmt: skip
-    for kind, phrases in grammar().rules.items():
+    for kind, phrases in grammar()[0].items():
         for phrase in phrases:
             choices = [c.split("|") for c in re.findall(r"\[([^\]]*)\]", phrase.template)]
             for chosen in itertools.product(*choices):
