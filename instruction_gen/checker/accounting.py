@@ -46,10 +46,12 @@ def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str
         told = min((_contradictions(read, step) for read in readings(step.words)), key=len)
         problems += [(number, reason) for reason in told]
         named += nouns
-        moves = any(c.kind not in ("stop", "see") for c in step.claims)
-        if stopped and (moves or not step.claims):
+        kinds = [c.kind for c in step.claims]
+        last = len(kinds) - kinds[::-1].index("stop") if "stop" in kinds else 0
+        moves = (set(kinds) if stopped else set(kinds[last:]) if last else set()) - {"stop", "see"}
+        if (moves - {"in", "avoid"}) or (stopped and (moves or not kinds)):
             problems.append((number, "the text goes on after the stop"))
-        stopped = stopped or any(c.kind == "stop" for c in step.claims)
+        stopped = stopped or "stop" in kinds
     if not stopped:
         problems.append((len(steps) - 1, "no claim says where to stop"))
     return problems

@@ -139,7 +139,9 @@ class Turns:
         doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
         for index, claim in enumerate(self.claims):
-            if claim.side != "ahead" and any(_goes(claim, p.from_room, p.to_room) for p in doors):
+            before = self.claims[index - 1] if index else claim
+            straight = "ahead" in (claim.side, before.side if before.kind == "walk" else "")
+            if not straight and any(_goes(claim, p.from_room, p.to_room) for p in doors):
                 return index
             if claim.what == "thing" and (
                 # The way around a thing bends; a thing ahead is walked up to.
