@@ -195,6 +195,14 @@ LIES = [
     (4, "negation", "Pass the fridge, then left into the hall. Don't go into the office. Stop on "
         "the rug."),
     (3, "turnroom", "Turn right out of the bedroom. Turn right into the kids' room and stop."),
+    (3, "straight", "Straight ahead out of the bedroom and across the hallway into the kids' room. "
+        "Stop."),
+    (4, "after", "Pass the fridge into the living room, then left into the hall. Turn left into "
+        "the office. Stop, and then turn right."),
+    (4, "roomorder", "Past the fridge, through the hall, then the living room, left into the "
+        "office. Stop there."),
+    (2, "doors", "Walk past the bed and out of the bedroom. Go right along the hall past seven "
+        "doors on your left, then left into the bathroom. Stop in front of the washbasin."),
 ]  # fmt: skip
 
 
