@@ -6,38 +6,18 @@ them names no landmark. So labels stay data, whatever they say.
 
 from functools import lru_cache
 
-from .tables import closed, table_text
+from .tables import closed, kind_of_word, rows_of, table_text
 
 DOORS = closed("door")
-_COLOURS = """black white grey=gray,silver red=maroon orange yellow=golden green=teal,olive
-    blue=navy,turquoise purple=violet pink brown beige=cream,tan"""
-COLOURS = {
-    word: name
-    for name, _, more in (entry.partition("=") for entry in _COLOURS.split())
-    for word in (name, *more.split(",")) if word
-}  # fmt: skip
+COLOURS = kind_of_word("colours")
 # Colours that people confuse.
-_NEIGHBOURS = """black=grey white=grey,beige grey=white,black,beige,blue,green red=orange,pink,brown
-    orange=red,brown,yellow,beige yellow=orange,beige,green green=yellow,blue,grey
-    blue=purple,green,grey purple=blue,pink pink=red,purple,beige brown=orange,beige,red,black
-    beige=brown,white,yellow,grey,orange"""
-COLOUR_NEIGHBOURS = {
-    name: set(near.split(","))
-    for name, _, near in (entry.partition("=") for entry in _NEIGHBOURS.split())
-}
+COLOUR_NEIGHBOURS = rows_of("neighbours")
 # Colours that things have, whatever a picture or a label says of them.
 INNATE_COLOURS = {"plant": "green", "tree": "green"}
-MATERIALS = {
-    "wooden": "wooden", "wood": "wooden", "metal": "metal", "steel": "metal", "leather": "leather",
-    "glass": "glass", "marble": "marble", "stone": "stone", "plastic": "plastic",
-    "fabric": "fabric", "brick": "brick",
-}  # fmt: skip
+MATERIALS = kind_of_word("materials")
 # Adjectives that nothing in a scene can refute.
 ADJECTIVES = closed("adjective")
-_IRREGULAR = {
-    "shelves": "shelf", "bookshelves": "bookshelf", "benches": "bench", "couches": "couch",
-    "dishes": "dishes", "boxes": "box", "steps": "steps", "stairs": "stairs",
-}  # fmt: skip
+_IRREGULAR = kind_of_word("irregular")
 
 
 def _table(name: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:

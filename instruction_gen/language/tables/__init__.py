@@ -11,7 +11,7 @@ def table_text(name: str) -> str:
 
 @cache
 def rows_of(name: str) -> dict[str, tuple[str, ...]]:
-    """Return the rows `name: words` of a table: `closed`, `prepositions`, `units` or `verbs`.
+    """Return the rows `name: words` of a table such as `closed` or `verbs`.
 
     A line that begins with a blank goes on with the row before; a row that begins with # is none.
     """
