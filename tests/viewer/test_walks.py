@@ -1,6 +1,7 @@
 """The list of walks: filters, outliers, poses, text parts; simplified scenes."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,8 @@ from vlnpe.formats.core.flags import FLAGS_NAME, FlagFile
 from vlnpe.formats.scene.bundle import VisualMesh
 from vlnpe.formats.splats.record import GaussianCloud
 from vlnpe.formats.splats.store import save_splats
+from vlnpe.pipeline.engine.ledger import Row
+from vlnpe.pipeline.stages.datasets.export_items import rows_to_export
 from vlnpe.rendering.scene.robot_body import RobotBody
 from vlnpe.viewer.library import Choice, chosen, outlier_scores, table_html
 from vlnpe.viewer.scene import WHITE_GAIN, Detail, add_scene, before_tone_mapping, simplified
@@ -62,6 +65,16 @@ def test_a_flag_taken_back_is_none_and_a_broken_line_is_named(tmp_path):
         stream.write("{}\n")
     with pytest.raises(FileFormatError, match="line 4"):
         flags.flagged()
+
+
+def test_an_export_without_flagged_walks_leaves_them_out_of_every_view(tmp_path):
+    names = [f"aliengo/path/{view}/ep{k}" for view in ("ego", "top") for k in (1, 2)]
+    row = partial(Row, "render", key="", status="done", failed=False, outputs=(), seconds=0.0)
+    rows = {name: row(name, facts={"end_reason": "success"}) for name in names}
+    FlagFile(tmp_path).set("aliengo/path/ep1", True)
+    left = rows_to_export(rows, False, FlagFile(tmp_path).flagged())
+    assert list(left) == ["aliengo/path/ego/ep2", "aliengo/path/top/ep2"]
+    assert rows_to_export(rows, True) == rows
 
 
 def test_the_browser_shows_greys_as_they_are():
