@@ -6,14 +6,16 @@ checker's grammar has no part in it.
 
 import re
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
-from vlnpe.instruction_gen.facts.records import PathFacts, TurnFact
-from vlnpe.instruction_gen.language.lexicon import OBJECT_PHRASES, ROOM_PHRASES
-from vlnpe.instruction_gen.language.nouns import answers, room_answers
+from vlnpe.instruction_gen.facts.records import PathFacts
+from vlnpe.instruction_gen.language.lexicon import OBJECT_PHRASES
+from vlnpe.instruction_gen.language.nouns import answers
+
+from .leading import STOP, TURN, leads_on
 
 Lie = Callable[[str, PathFacts, np.random.Generator], str | None]
 
@@ -21,14 +23,6 @@ _ABSENT = ("piano", "fireplace", "aquarium", "pool table", "bunk bed", "vending 
 _OTHER = {"left": "right", "right": "left"}
 
 
-_TURN = re.compile(
-    r"\b(?:(?:turn|bear|veer|keep|go|hang an?|make an?|take an?|make another|take another|"
-    r"take the next)(?: (?:immediately|immediate|sharply|sharp|slightly|slight|once more))?|"
-    r"(?:then|,|and)(?: an?)?) (left|right)\b(?! (?:there|next|after|before|away))",
-    re.IGNORECASE,
-)
-# "Turn right into the kitchen": that room leads round the turn before, too.
-_INTO = re.compile(r"(?: into| in| to) [^.,;]*", re.IGNORECASE)
 # "Go right past the sofa" need not be a turn.
 _ADVERB = re.compile(r" (?:past|through|by|between|behind|beside)\b", re.IGNORECASE)
 _SIDED = re.compile(r"\b(?:on|to) (?:your|the) (left|right)\b(?! of)")
@@ -36,12 +30,6 @@ _THING = re.compile(
     r"(?<!o')\b(?:"
     + "|".join(sorted(map(re.escape, OBJECT_PHRASES), key=len, reverse=True))
     + r")(?:e?s)?\b",
-    re.IGNORECASE,
-)
-_NAMED = re.compile(
-    r"\b(?:"
-    + "|".join(sorted(map(re.escape, [*OBJECT_PHRASES, *ROOM_PHRASES]), key=len, reverse=True))
-    + r")\b",
     re.IGNORECASE,
 )
 _ENDS = re.compile(
@@ -56,13 +44,12 @@ _GOAL_FIRST = re.compile(
     r"|where|wants?|after|headed|bound|make for|going to|reach)\b",
     re.IGNORECASE,
 )
-_STOP = re.compile(r"\b(?:stop|wait|halt)", re.IGNORECASE)
 _NO_THING = frozenset(["door", "doors", "doorway", "steps", "stairs", "stand", "light"])
 
 
 def _turns(text: str) -> list[re.Match[str]]:
     """Return where a text says to turn left or right."""
-    return [m for m in _TURN.finditer(text) if not _ADVERB.match(text, m.end())]
+    return [m for m in TURN.finditer(text) if not _ADVERB.match(text, m.end())]
 
 
 def _things(text: str) -> list[str]:
@@ -84,7 +71,7 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
     """Drop a clause that states a clear turn and nothing else.
 
     A turn towards the only door of the first room need not be stated, nor one towards what the
-    text names next, see `_leads_on`.
+    text names next, see `leads_on`.
     """
     only = bool(facts.passages) and facts.visits[0].exits == 1
     first_m = facts.passages[0].along_m + 0.3 if only else 0.0
@@ -104,61 +91,13 @@ def skipped_turn(text: str, facts: PathFacts, rng: np.random.Generator) -> str |
             side = "left" if "left" in matches[0].lower() else "right"
             dropped = [t for t in clear if t.side == side]
             rest = text[matches.end() :]
-            if not _STOP.search(rest):  # where it stops is said first: "Your goal is the bed: …"
+            if not STOP.search(rest):  # where it stops is said first: "Your goal is the bed: …"
                 rest += " stop " + re.split(r"[.:;]", text)[0]
-            if not dropped or _leads_on(rest, dropped, facts):
+            if not dropped or leads_on(rest, dropped, facts):
                 return None
             shorter = re.sub(pattern, "", text, count=1)
             return shorter[0].upper() + shorter[1:]
     return None
-
-
-def _leads_on(rest: str, turns: Sequence[TurnFact], facts: PathFacts) -> bool:
-    """Return whether what a text names before the next turn leads around an untold one.
-
-    A room does to which one opening leads from where the turn is made, and so does a thing to stop
-    at that is in view there and the only one of its name.
-    """
-    following = _TURN.search(rest)
-    if following:
-        into = _INTO.match(rest, following.end())
-        rest = rest[: into.end() if into else following.start()]
-    if re.match(r"\W*(?:and |then )?(?:(?:go|walk) )?(?:around|round|circle|skirt)\b", rest):
-        return True  # the way around a thing bends
-    stop = _STOP.search(rest)
-    rooms = [m[0].lower() for m in _NAMED.finditer(rest)]
-    things = [m[0].lower() for m in _NAMED.finditer(rest[stop.start() :] if stop else "")]
-    return any(
-        any(_room_leads_round(turn, word, facts) for word in rooms)
-        or any(_thing_leads_round(turn, word, facts) for word in things)
-        for turn in turns
-    )
-
-
-def _room_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
-    """Return whether a room that may be called `word` leads around a turn."""
-    for visit, following in pairwise(facts.visits):
-        inside = visit.from_m - 0.3 <= turn.along_m <= visit.to_m + 0.3
-        if inside and visit.exits == 1 and word in room_answers(visit.room):
-            return True
-        behind = [room for room in visit.beyond if word in room_answers(room)]
-        if inside and len(behind) == 1 and word in room_answers(following.room):
-            return True
-    return False
-
-
-def _thing_leads_round(turn: TurnFact, word: str, facts: PathFacts) -> bool:
-    """Return whether a thing that may be called `word` leads around a turn."""
-    seen: dict[float, list[float]] = {}  # from where: which, by where they are passed
-    for mark in facts.landmarks:
-        if word in answers(mark.noun):
-            for m in mark.moments:
-                if abs(m.along_m - turn.along_m) <= 1.5 and (m.open or m.pixels >= 12):
-                    seen.setdefault(m.along_m, []).append(mark.along_m)
-    return any(
-        max(places) - min(places) <= 3.0 and max(places) >= turn.along_m - 0.5
-        for places in seen.values()
-    )
 
 
 def wrong_order(text: str, facts: PathFacts, rng: np.random.Generator) -> str | None:

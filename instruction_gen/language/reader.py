@@ -1,6 +1,6 @@
 """Read the steps and claims of a text, where they are certain; other words stay unchecked."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 
@@ -10,8 +10,8 @@ from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
 from .tables import closed
-from .targets import claim_of, forbidden, sided, stop_at
-from .tokens import Token, tokenize
+from .targets import claim_of, forbidden, preposition, sided, stop_at
+from .tokens import tokenize
 from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
 
 # "The table, which stays on your right": no way of the walker.
@@ -194,7 +194,11 @@ class _Reader:
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
                     claims.append(claim)
                 k, prep = end, ""
-            elif word in PRONOUNS and self.thing is not None and _is_sided(tokens, k):
+            elif (
+                word in PRONOUNS
+                and self.thing is not None
+                and ((placed := read_side(tokens, k + 1)) and placed[1])
+            ):
                 kind, place = ("stop", "at") if stop else ("see", "")
                 claims.append(replace(self.thing, kind=kind, side="", place=place))
                 k += 1
@@ -202,7 +206,7 @@ class _Reader:
                 if word == "room" and prep in ("into", "from") and not stop and not clause.negated:
                     claims.append(Claim("enter" if prep == "into" else "leave", "room"))
                 if word in PREP_OF and not (word == "over" and k + 1 == len(tokens)):
-                    prep = clause.prep = _preposition(clause, k, stop)
+                    prep = clause.prep = preposition(clause, k, stop)
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1
@@ -292,18 +296,3 @@ class _Reader:
             if last and last.what == claims[named[-1]].what and last.side in ("", "ahead") \
                     and side not in ("ahead", "behind"):  # fmt: skip
                 sided(before.claims, -1, side)
-
-
-def _preposition(clause: Clause, k: int, stop: bool) -> str:
-    """Return what the preposition at token `k` says of the place that follows."""
-    word = clause.tokens[k].text
-    if word == "by" and (stop or clause.claims or clause.verb not in ("go", "pass", "cross", "")):
-        return "at"
-    almost = word == "to" and k and clause.tokens[k - 1].text in ("nearly", "almost")
-    return "toward" if almost else PREP_OF[word]
-
-
-def _is_sided(tokens: Sequence[Token], k: int) -> bool:
-    """Return whether a pronoun stands for a thing on a side: `keep it on your left`."""
-    read = read_side(tokens, k + 1)
-    return read is not None and read[1]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
+from .words import PREP_OF
 
 # Of each kind of target: prepositions, verbs with any preposition, verbs without one, and what is
 # claimed. The first row that holds any of them decides; "-" is no verb.
@@ -99,3 +100,12 @@ def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:
 def sided(claims: list[Claim], n: int, side: str) -> None:
     """Give claim `n` of a list a side."""
     claims[n] = replace(claims[n], side=side)
+
+
+def preposition(clause: Clause, k: int, stop: bool) -> str:
+    """Return what the preposition at token `k` says of the place that follows."""
+    word = clause.tokens[k].text
+    if word == "by" and (stop or clause.claims or clause.verb not in ("go", "pass", "cross", "")):
+        return "at"
+    almost = word == "to" and k and clause.tokens[k - 1].text in ("nearly", "almost")
+    return "toward" if almost else PREP_OF[word]
