@@ -160,8 +160,9 @@ def instruct_episodes(
         for names in batched(paths, 4 * workers):
             some = [paths[name] for name in names]
             every = [path_facts(e, levels.of(e), visibility) for e in some]
-            for facts in every if keep else ():
-                keep(facts)
+            for facts in every:
+                if keep is not None:
+                    keep(facts)
             done |= zip(names, pool.map(describe, names, every), strict=True)
     for episode in episodes:
         if episode.instruction and not config.replace:

@@ -9,16 +9,16 @@ from scipy import ndimage
 from vlnpe.formats.core.arrays import Array, Mask
 from vlnpe.formats.core.geometry import triangle_cross
 
-from ..site import FLOOR_BAND_M, Site, soup_of
+from ..site import FLOOR_BAND_M, Site
 from ..vertical import Surfaces, heights_near
 from .cut import cut_exactly, cut_whole
 from .decoys import DECOYS, Decoy
+from .free_space import TRIES, ceiling_z_m, free_rectangle
 from .glb import Part
 from .shapes import KINDS, Outline, log_uniform, ragged
 
 # Holes keep this far from each other, so that each remains separate.
 APART_M = 0.15
-TRIES = 60
 # At least this share of a hole's outline must be floor that the scan has.
 ON_FLOOR = {"at a wall": 0.5, "under furniture": 0.35, "threshold": 0.3}
 ON_FLOOR_ELSEWHERE = 0.97
@@ -95,11 +95,13 @@ def plant(
     planted: list[PlantedHole] = []
     parts = list(site.parts)
     for name in decoys:
-        place = _free_rectangle(site, rng, taken, DECOYS[name].sizes_m)
+        place = free_rectangle(site, rng, taken, DECOYS[name].sizes_m)
         if place is None:
             continue
         lower, upper = place
-        decoy = DECOYS[name].build(lower, upper, site.floor_z_m, _ceiling(site, lower, upper), rng)
+        decoy = DECOYS[name].build(
+            lower, upper, site.floor_z_m, ceiling_z_m(site, lower, upper), rng
+        )
         parts = [_opened(part, decoy, site.floor_z_m) for part in parts]
         built.append(decoy)
         planted.append(
@@ -244,50 +246,6 @@ def _near(site: Site, outline: Outline, within_m: float) -> Mask:
 def _near_box(site: Site, lower: Array, upper: Array) -> Mask:
     x0, y0, x1, y1 = *lower, *upper
     return _near(site, Outline([np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])]), 0.0)
-
-
-def _free_rectangle(
-    site: Site,
-    rng: np.random.Generator,
-    taken: Mask,
-    sizes_m: tuple[tuple[float, float], tuple[float, float]],
-) -> tuple[Array, Array] | None:
-    """Return a box in plan where floor is and nothing stands, at random among the places."""
-    (short_low, short_high), (long_low, long_high) = sizes_m
-    free = site.true_floor & site.scanned & ~site.furniture & ~site.wall & ~taken
-    total = np.pad(free.astype(np.int64), ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    for trial in range(TRIES):
-        shrink = 1.0 - trial / TRIES
-        short = short_low + (rng.uniform(short_low, short_high) - short_low) * shrink
-        long = long_low + (rng.uniform(long_low, long_high) - long_low) * shrink
-        sides = np.array([short, long] if trial % 2 else [long, short])
-        columns, rows = np.ceil(sides / site.grid.cell_m).astype(int)
-        if rows >= free.shape[0] or columns >= free.shape[1]:
-            continue
-        inside = (
-            total[rows:, columns:]
-            - total[:-rows, columns:]
-            - total[rows:, :-columns]
-            + total[:-rows, :-columns]
-        )
-        spots = np.argwhere(inside >= 0.995 * rows * columns)
-        if len(spots):
-            corner = spots[int(rng.integers(len(spots)))]
-            lower = site.grid.center_of(corner - 0.5)
-            return lower, lower + sides
-    return None
-
-
-def _ceiling(site: Site, lower: Array, upper: Array) -> float:
-    """Return the height of what hangs over the middle of a box.
-
-    2.6 m above the floor if nothing does.
-    """
-    vertices, _ = soup_of(site.parts)
-    inside = np.all((vertices[:, :2] > lower) & (vertices[:, :2] < upper), axis=1)
-    high = vertices[inside, 2]
-    high = high[high > site.floor_z_m + 2.0]
-    return float(np.median(high)) if len(high) else site.floor_z_m + 2.6
 
 
 def removed_floor(site: Site, before: Surfaces, after: Surfaces, points: Array) -> Array:
