@@ -11,6 +11,7 @@ from .refer import at_start, passed
 
 PASS_DOOR_M = 1.8
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
+FEW_STEPS_M = 1.8  # a shorter way is not told in metres
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 _PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
 
@@ -20,7 +21,7 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     looks_away = bool(facts.turns) and facts.turns[0].along_m < 0.3
     if names.rng.random() >= taste.start:
         return []
-    room = "" if facts.start_rooms else names.room(facts.visits[0].room)
+    room = "" if facts.start_rooms else names.name(facts.visits[0].room)
     kinds: dict[str, str] = {}
 
     def near(mark: LandmarkFact) -> float | None:
@@ -94,13 +95,12 @@ def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) ->
         clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
         if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
             names.names.add(mark.name)
-            return [Event("pass_door", mark.along_m, C=names.room(others[0]), s=mark.side)]
+            return [Event("pass_door", mark.along_m, C=names.name(others[0]), s=mark.side)]
     return []
 
 
 def _end(event: Event) -> float:
-    two = event.kind.startswith(("enter_turn", "turn_enter", "jog", "twice", "leave_turn"))
-    return event.along_m + (1.2 if two else 0.2)
+    return event.done_m + 0.2
 
 
 # distances ---------------------------------------------------------------------------------------
@@ -117,18 +117,17 @@ def with_distances(
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
         room = facts.room_at(before + 0.5 * gap)
         beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
-        gap = gap if speaks else gap - _LONG_M
         long = gap > (2.0 if bare else _LONG_M)
         if speaks and room == "hallway" and long and not beside:
-            result.append(Event("follow", before + 0.2, B=names.room(room)))
-        if bare and gap > 1.8:
+            result.append(Event("follow", before + 0.2, B=names.name(room)))
+        if bare and gap > (FEW_STEPS_M if speaks else _LONG_M + FEW_STEPS_M):
             result.append(Event("walk", before, far_m=gap))
         result.append(event)
         before = max(before, _end(event) - 0.2)
     hall = facts.visits[-1]
     long = stop.along_m - max(before, hall.from_m) > _LONG_M
     if speaks and hall.room == "hallway" and long:
-        result.append(Event("follow", before + 0.2, B=names.room(hall.room)))
+        result.append(Event("follow", before + 0.2, B=names.name(hall.room)))
     return result
 
 

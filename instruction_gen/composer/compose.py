@@ -8,14 +8,14 @@ import numpy as np
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
 from ..records import COMPOSER, WrittenText
-from .along import bent, passed_events, start_events, with_distances
+from .along import FEW_STEPS_M, bent, passed_events, start_events, with_distances
 from .names import Names
 from .realize import Usage, realize
 from .records import TASTES, Event, Taste
 from .steps import ambiguous, move_events
 from .stop import stop_events
 
-DRAFTS = 32  # written for each text, the best is taken
+DRAFTS = 40  # written for each text, the best is taken
 WORDS = {"terse": (5, 9), "natural": (21, 28), "rich": (37, 55)}
 _MOST_CHECKED = 16
 _Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
@@ -44,10 +44,11 @@ def compose_texts(
     if reason := ambiguous(ground.facts):
         return [], [reason]
     chosen: list[_Draft] = []
+    called: dict[str, str] = {}
     problems: list[str] = []
     for number in range(count):
         style = styles[number % len(styles)]
-        drafts = [_draft(ground.facts, style, rng, usage, chosen) for _ in range(DRAFTS)]
+        drafts = [_draft(ground.facts, style, rng, usage, chosen, called) for _ in range(DRAFTS)]
         drafts.sort(key=lambda d: d[0])
         for attempt, (score, text, kinds) in enumerate(drafts[:_MOST_CHECKED], start=1):
             if text.text in taken or any(text.text == other.text for _, other, _ in chosen):
@@ -61,9 +62,15 @@ def compose_texts(
     return [text for _, text, _ in chosen], ([] if chosen else problems)
 
 
-def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event]:
-    """Choose what to mention, in order, the stop last."""
-    names = Names(facts, rng, taste.looks)
+def plan(
+    facts: PathFacts, taste: Taste, rng: np.random.Generator, called: dict[str, str] | None = None
+) -> list[Event]:
+    """Choose what to mention, in order, the stop last.
+
+    Args:
+        called: what the other texts of the path call things and rooms; it is added to.
+    """
+    names = Names(facts, rng, taste.looks, called)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
     events = move_events(facts, names, taste)
@@ -73,17 +80,19 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
     if not events:
         events = [Event("walk", 0.0, far_m=facts.length_m)]
     if stop[0].kind == "stop_after":
-        rest = facts.length_m - events[-1].along_m
+        rest = facts.length_m - events[-1].done_m
         if events[-1].kind == "walk":
             rest = events[-1].far_m if len(events) > 1 else facts.length_m
             events = events[:-1]
-        stop[0] = replace(stop[0], far_m=rest)
+        kind = "stop_after" if rest > FEW_STEPS_M else "stop_steps"
+        stop[0] = replace(stop[0], kind=kind, far_m=rest)
     return bent([*start, *events, *stop], facts)
 
 
 def _draft(
-    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage, others: Sequence[_Draft]
-) -> _Draft:
+    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage,
+    others: Sequence[_Draft], called: dict[str, str],
+) -> _Draft:  # fmt: skip
     """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
     taste = TASTES[style]
     spread = float(rng.uniform(0.5, 1.3))
@@ -92,7 +101,7 @@ def _draft(
         marks=taste.marks * spread,
         passed=int(rng.integers(taste.passed + 1)) if taste.passed else 0,
     )
-    events = plan(facts, taste, rng)
+    events = plan(facts, taste, rng, called)
     steps = realize(events, style, rng, usage)
     text = " ".join(step.words for step in steps)
     marks = tuple(r.mark.name for e in events for r in (e.X, e.Y) if r is not None)
@@ -102,5 +111,5 @@ def _draft(
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for _, other, _ in others)
     same = sum(kind in used for kind in kinds for _, _, used in others) / max(1, len(kinds))
-    score = usage.repetition(text) + 8.0 * outside + 0.15 * shared + 0.3 * same
+    score = usage.repetition(text) + 12.0 * outside + 0.15 * shared + 0.3 * same
     return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds

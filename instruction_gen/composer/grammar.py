@@ -23,6 +23,7 @@ _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 _INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip|the room|into it)")
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
+_USUAL = 0.25  # how often a thing has its usual name at least
 # Who sets out has not walked yet.
 _MORE = frozenset(("more", "another", "farther", "onwards", "continue", "keep", "carry"))
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
@@ -91,8 +92,9 @@ def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Sequence[str
 
 
 def name_of(noun: str, rng: np.random.Generator) -> str:
-    """Return a name for a thing or room in the lexicon."""
-    return pick(grammar()[1].get(noun, (noun,)), rng)
+    """Return a name for a thing or room in the lexicon, mostly the usual one."""
+    names = grammar()[1].get(noun, (noun,))
+    return names[0] if rng.random() < _USUAL else pick(names, rng)
 
 
 def pick[T](options: Sequence[T], rng: np.random.Generator) -> T:
@@ -120,8 +122,8 @@ def drafts(
         words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
         filled = " ".join(_SLOT.sub(lambda m: _slot(m[1], event), words).split())
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
-        straight = event.bent and _STRAIGHT & set(words.split())
-        again = event.along_m < 0.3 and _MORE & set(words.split())
+        straight = event.bent and _STRAIGHT & set(filled.split())
+        again = event.along_m < 0.3 and _MORE & set(filled.split())
         clause = Clause(event, phrase, filled)
         (odd if into_hall or straight or again else fine).append(clause)
     return fine or odd
@@ -168,6 +170,8 @@ def _claim(form: Sequence[str], event: Event) -> Claim:
             said |= {"room": room} if door else {"what": "room", "name": room}
         elif word == "o":
             said["ordinal"] = event.ordinal
+        elif word == "vague":
+            said["vague"] = True
         elif word == "n":
             said["metres"] = float(max(1, round(event.far_m)))
         else:

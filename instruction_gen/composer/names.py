@@ -14,16 +14,20 @@ from .refer import Reference, at_hand, in_row
 _SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
 _BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
 _TALL = frozenset(("wardrobe", "bookshelf"))
-_LARGE_M = 1.7
+_LARGE_M, _LONG_M = 1.7, 2.5
+_MOST_ALIKE = 6  # "the desks" among more than so many in a room are nowhere
 
 
 class Names:
     """What things and rooms are called in one text, and which were mentioned already."""
 
-    def __init__(self, facts: PathFacts, rng: np.random.Generator, looks: float):
-        """Start without a name."""
+    def __init__(
+        self, facts: PathFacts, rng: np.random.Generator, looks: float,
+        called: dict[str, str] | None = None,
+    ):  # fmt: skip
+        """Start with the names of the other texts of the path, which are added to."""
         self.facts, self.rng, self.looks = facts, rng, looks
-        self.rooms: dict[str, str] = {}
+        self.called = {} if called is None else called
         self.names: set[str] = set()
         self.homed = False  # whether the text says in which room it starts
         self.nouns: set[str] = set()
@@ -33,15 +37,15 @@ class Names:
             if m.distance_m <= 3.5 and (m.max_pixels > 60 or m.first_seen_m < 0)
         ]  # fmt: skip
 
-    def room(self, name: str) -> str:
-        """Return what a room is called throughout the text."""
-        if name not in self.rooms:
-            self.rooms[name] = name_of(name, self.rng) if name else ""
-        return self.rooms[name]
+    def name(self, name: str) -> str:
+        """Return what a room or a kind of thing is called throughout the texts."""
+        if name not in self.called:
+            self.called[name] = name_of(name, self.rng) if name else ""
+        return self.called[name]
 
     def entered(self, passage: PassageFact) -> str:
         """Return the room entered, told from one of the same kind that is left."""
-        room = self.room(passage.to_room)
+        room = self.name(passage.to_room)
         before = [v for v in self.facts.visits if v.from_m < passage.along_m - 0.1]
         if not room or passage.to_room not in [v.room for v in before]:
             return room
@@ -74,7 +78,7 @@ class Names:
         """Return a name of a thing and perhaps a look; None where another thing might be meant."""
         looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
         look = pick(looks, self.rng) if looks and self.rng.random() < self.looks else ""
-        phrase = name_of(mark.noun, self.rng)
+        phrase = self.name(mark.noun)
         if any(called(noun, phrase.lower()) for noun in self._about if noun != mark.noun):
             phrase = mark.noun
         if phrase.lower() not in OBJECT_PHRASES:  # a compound: "conference table"
@@ -85,13 +89,21 @@ class Names:
             if (m.noun, m.room) == (mark.noun, mark.room)
             and (at_hand(m, mark) if at_goal else in_row(m, mark))
         ]  # fmt: skip
+        room = [m for m in self.facts.landmarks if m.room == mark.room and m.noun == mark.noun]
+        if len(room) > _MOST_ALIKE:
+            return None
         if together:
             look = ""
-        elif alike and (not mark.room or any(m.room == mark.room for m in alike)):
+        elif (at_goal and len(room) > 1) or any(mark.room in ("", m.room) for m in alike):
             return None
         words = f"the {look} {spoken(phrase, plural=bool(together))}".replace("  ", " ")
         size = mark.size_m * (0.5 if mark.noun in _SMALL else 1.0)
-        salience = size / (0.6 + distance_m) / (1.0 + 0.8 * len(alike))
+        long = at_goal and size > _LONG_M  # one may stand anywhere along it
+        salience = (
+            (0.3 if long else 1.0 if at_goal else size)
+            / (0.6 + distance_m)
+            / (1.0 + 0.8 * len(alike))
+        )
         return Reference(
             mark, spoken(phrase).lower(), words, bool(together),
             salience * (1.0 - 0.6 * mark.occluded),

@@ -11,8 +11,8 @@ from ..language.claims import Claim, Step
 from .grammar import Clause, drafts, pick
 from .records import Event
 
-_CHOICES = 8  # ways to say an event, of which the least used is taken
-_OPENERS = ("Then", "Next,", "From there,", "After that,", "Now", "Following that,", "Finally,")
+_CHOICES = 16  # ways to say an event, of which the least used is taken
+_OPENERS = ("Then", "Next,", "After that,", "Now", "Finally,")
 _OPENED, _MOST_OPENED = 0.3, 2
 _JOINTS = {
     "terse": (", ", ", then ", " and "),
@@ -21,7 +21,8 @@ _JOINTS = {
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
-_BREVITY = 0.3  # a word of a terse clause
+_NEW = 0.5  # what a word that no text has used yet is worth
+_BREVITY = 1.5  # a word of a terse clause
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
 
@@ -76,7 +77,9 @@ def realize(
 
         def worse(clause: Clause, own: set[str] = own, brief: float = brief) -> float:
             words = clause.words.split()
-            return usage.repetition(clause.words) + 0.4 * (words[0] in own) + brief * len(words)
+            new = min(2, sum(not usage.counts[word,] for word in words)) * (brief == 0.0)
+            again = usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
+            return again + brief * len(words)
 
         clauses.append(min(ways, key=worse))
     return _sentences(clauses, voice, rng)

@@ -19,6 +19,7 @@ class Event:
         far_m: how far to walk [m].
         ordinal: of a doorway on its side.
         bent: the way that is told has a bend of its own.
+        to_m: where it is done, 0 = at once [m].
     """
 
     kind: str
@@ -33,6 +34,12 @@ class Event:
     far_m: float = 0.0
     ordinal: int = 0
     bent: bool = False
+    to_m: float = 0.0
+
+    @property
+    def done_m(self) -> float:
+        """Where it is done [m]."""
+        return max(self.along_m, self.to_m)
 
 
 @dataclass(frozen=True)

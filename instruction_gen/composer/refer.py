@@ -7,7 +7,7 @@ from ..facts.landmarks import PLAIN
 from ..facts.records import LandmarkFact, Moment, PathFacts
 
 PASS_M = 2.0
-STOP_M = 1.9
+STOP_M, STOP_AT_M = 1.9, 1.2  # of the nearest thing, of any other
 _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
@@ -106,6 +106,9 @@ def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
     """Return whether a thing is at the goal and not behind; the camera, if any, shows it there."""
     at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
     if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
+        return False
+    others = (m.goal_distance_m for m in facts.landmarks if m.nameable and m.goal_open)
+    if mark.goal_distance_m > max(STOP_AT_M, min(others, default=0.0)):
         return False
     return facts.camera is None or any(
         m.pixels >= _PIXELS_AT_GOAL and m.along_m >= facts.length_m - _LAST_LOOK_M

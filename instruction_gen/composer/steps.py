@@ -1,24 +1,27 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact
+from ..facts.doors import DOOR
+from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
 from .refer import at_turn, in_view
 
-TELL_DEG = 40.0  # smaller turns are mentioned only where nothing else shows the way
+TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
 HINT_DEG = 30.0
-_SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 52.0, 122.0, 155.0
+_SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 50.0, 122.0, 155.0
+_ONE_BEND_M, _MANY_EXITS, _COUNTED = 1.6, 3, 0.6
 _WEAVING_M = 2.0
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
+_AT_ONCE_M = 1.3
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
@@ -41,7 +44,7 @@ class Move:
 def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
     """Return the turns worth mentioning; small ones that undo each other are weaving."""
     result = []
-    for turn in facts.turns:
+    for turn in _one_bend(facts.turns):
         size = abs(turn.angle_deg)
         if facts.length_m - turn.along_m < 0.7:
             continue
@@ -59,6 +62,25 @@ def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
         )
         clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
         if clear or (small and lonely and turn.along_m > 1.0):
+            result.append(turn)
+    return result
+
+
+def _one_bend(turns: Sequence[TurnFact]) -> list[TurnFact]:
+    """Return the turns, those to one side that follow each other closely as one wide bend."""
+    result: list[TurnFact] = []
+    for turn in turns:
+        before = result[-1] if result else None
+        if (
+            before
+            and before.side == turn.side
+            and turn.along_m - before.along_m <= _ONE_BEND_M
+            and min(abs(before.angle_deg), abs(turn.angle_deg)) < CLEAR_DEG
+            and abs(before.angle_deg + turn.angle_deg) <= _SHARP_DEG
+        ):
+            middle = 0.5 * (before.along_m + turn.along_m)
+            result[-1] = TurnFact(round(middle, 2), before.angle_deg + turn.angle_deg)
+        else:
             result.append(turn)
     return result
 
@@ -92,7 +114,11 @@ def moves(facts: PathFacts) -> list[Move]:
         if after is not None and turn.along_m > 0.4 and abs(turn.angle_deg) < _SHARP_DEG:
             passages.remove(after)
             result.append(Move(min(turn.along_m, after.along_m), turn, after, turn_first=True))
-        elif before is not None and not before.alike and abs(turn.angle_deg) < _SHARP_DEG:
+        elif (
+            before is not None
+            and not before.alike
+            and _SLIGHT_DEG <= abs(turn.angle_deg) < _SHARP_DEG
+        ):
             passages.remove(before)
             result.append(Move(before.along_m, turn, before))
         else:
@@ -107,6 +133,7 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     todo = moves(facts)
     if taste.voice == "terse":
         todo = [_brief(m, after, facts, names.rng) for m, after in pairwise([*todo, None]) if m]
+        todo = [m for m in todo if m.passage or not m.turn or _tells(m.turn)]
     while todo:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
@@ -117,7 +144,8 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             result.append(pair)
             todo = todo[1:]
         elif move.passage is None:
-            result.append(_turn(move, facts, names, taste))
+            gap = move.along_m - (result[-1].done_m if result else 0.0)
+            result.append(_turn(move, gap, facts, names, taste))
         else:
             result.append(_passage(move, move.passage, facts, names, taste))
     return result
@@ -129,11 +157,39 @@ def _unique(passage: PassageFact, facts: PathFacts) -> bool:
     return bool(passage.to_room) and passage.to_room != "hallway" and not into.twins
 
 
+def _tells(turn: TurnFact) -> bool:
+    return abs(turn.angle_deg) >= _SLIGHT_DEG
+
+
+def _one_of_many(passage: PassageFact | None, facts: PathFacts) -> bool:
+    """Return whether a doorway is at a side of a room that has several."""
+    if passage is None or not passage.side:
+        return False
+    return passage.alike > 0 or (passage.doorway and _left(passage, facts).exits >= _MANY_EXITS)
+
+
+def _counts(passage: PassageFact, facts: PathFacts) -> bool:
+    """Return whether the place of a doorway in the row counts doorways of the room left alone."""
+    from_m = _left(passage, facts).from_m + 0.5
+    row = (
+        passage.from_room in mark.leads and mark.side == passage.side
+        for mark in facts.landmarks
+        if mark.noun == DOOR and from_m < mark.along_m < passage.along_m - 0.5
+    )
+    return passage.ordinal == 1 + sum(row)
+
+
+def _left(passage: PassageFact, facts: PathFacts) -> VisitFact:
+    before = (v for v in reversed(facts.visits) if v.from_m <= passage.along_m - 0.1)
+    return next(before, facts.visits[0])
+
+
 def _brief(move: Move, after: Move | None, facts: PathFacts, rng: np.random.Generator) -> Move:
     """Return a move without the turn, where the name of the next room is enough."""
     target = move if move.turn_first or move.turn is None else after
     known = target is not None and target.passage and _unique(target.passage, facts)
     near = target is not None and target.along_m - move.along_m < 4.0
+    near = near and target is move and not _one_of_many(move.passage, facts)
     if move.passage and move.turn and known and near and rng.random() < 0.7:
         return Move(move.along_m, passage=move.passage)
     return move
@@ -158,10 +214,11 @@ def _joined(move: Move, after: Move | None) -> Event | None:
     if not near or min(sizes) < CLEAR_DEG or max(sizes) > _SHARP_DEG:
         return None
     kind = "twice" if move.turn.side == after.turn.side else "jog"
-    return Event(kind, move.along_m, s=move.turn.side, t=after.turn.side)
+    sides = move.turn.side, after.turn.side
+    return Event(kind, move.along_m, s=sides[0], t=sides[1], to_m=after.along_m)
 
 
-def _turn(move: Move, facts: PathFacts, names: Names, taste: Taste) -> Event:
+def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste) -> Event:
     turn = move.turn
     assert turn is not None
     size, along = abs(turn.angle_deg), turn.along_m
@@ -169,7 +226,9 @@ def _turn(move: Move, facts: PathFacts, names: Names, taste: Taste) -> Event:
         return Event("around", along)
     if size < _SLIGHT_DEG or size > _SHARP_DEG:
         return Event("slight" if size < _SLIGHT_DEG else "sharp", along, s=turn.side)
-    if names.rng.random() < taste.marks:
+    # Within a room, a turn that does not come at once needs a cue.
+    at_once_m = _AT_ONCE_M * (2.0 if taste.voice == "terse" else 1.0)
+    if gap_m > at_once_m or names.rng.random() < taste.marks:
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
             ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
@@ -189,8 +248,12 @@ def _passage(
     side = turn.side if turn else ""
     first = passage is facts.passages[0] and along < 4.0
     room = names.entered(passage)
-    left = "" if first and names.homed else names.room(passage.from_room)
-    event = Event("enter", along, A=left, B=room, s=side)
+    left = "" if first and names.homed else names.name(passage.from_room)
+    done = max(along, passage.along_m, turn.along_m if turn else 0.0)
+    event = Event("enter", along, A=left, B=room, s=side, to_m=done)
+    many = _one_of_many(passage, facts)
+    # Where a hallway goes on as another there is no door.
+    doorway = passage.doorway and passage.from_room != passage.to_room
     slight = turn is not None and abs(turn.angle_deg) < _SLIGHT_DEG
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
@@ -206,7 +269,9 @@ def _passage(
         return next((far for far in seen if far is not None), None)
 
     if turn is not None and move.turn_first:
-        if passage.alike:  # another doorway leads to such a room, too
+        if passage.alike or (
+            many and _counts(passage, facts) and rng.random() < _COUNTED
+        ):  # of several doorways
             return replace(event, kind="turn_enter_nth", s=passage.side, ordinal=passage.ordinal)
         if slight:
             return replace(event, kind="slight_enter")
@@ -216,30 +281,31 @@ def _passage(
                 return replace(event, kind="turn_enter_at", X=near)
         if marked and (mark := names.best(inside)):
             return replace(event, kind="turn_enter_see", X=mark)
-        kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * passage.doorway * 2
+        kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * doorway * 2
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
         return replace(event, kind=pick(kinds, rng))
     if turn is not None:
         out = rng.random() < (0.8 if taste.voice == "terse" else 0.3)
-        if slight or (first and event.A and out):
-            kind = "leave_turn" if event.A and not slight else "enter"
-            return replace(event, kind=kind)
+        if first and event.A and out and passage.to_room == "hallway":
+            return replace(event, kind="leave_turn")
         behind_m = turn.along_m + 0.75
         ahead = names.best(lambda m: in_view(m, facts, behind_m, 35.0, 5.0)) if marked else None
         return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)
     door = next((m for m in facts.landmarks if m.noun == passage.beside and m.nameable), None)
-    marked = marked or passage.alike > 0
-    if marked and door and passage.doorway and door.noun not in names.nouns:
+    marked = marked or many
+    if marked and door and doorway and door.noun not in names.nouns:
         mark = names.refer(door, door.distance_m)
         if mark is not None and not mark.plural:
             return replace(event, kind="enter_beside", X=names.mention(mark))
+    if many and doorway and (passage.alike or _counts(passage, facts)):
+        return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
         return replace(event, kind="enter_see", X=mark)
     if passage.alike:
-        kind = "enter_nth" if passage.side and passage.doorway else "enter_ahead"
+        kind = "enter_nth" if passage.side and doorway else "enter_ahead"
         return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
     kinds = ["leave"] * 3 if first and event.A else ["enter"]
-    if passage.doorway:
+    if doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
     return replace(event, kind=pick(kinds, rng))
 

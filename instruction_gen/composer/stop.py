@@ -9,12 +9,13 @@ from ..facts.records import PathFacts
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import Reference, at_goal, passed
+from .refer import STOP_AT_M, Reference, at_goal, moment_at, passed
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
-_PAST_M = 2.5
+_PAST_M = 1.2
 _IN_DOORWAY_M = 0.5
 _BESIDE_M = 1.1
+_COMES_M = 1.0
 
 
 def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -25,7 +26,7 @@ def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     last = [stop]
     new = beyond and beyond not in visited and beyond not in facts.goal_rooms
     if new and not stop.B and names.rng.random() < taste.more:
-        last.append(Event("too_far", facts.length_m, C=names.room(beyond)))
+        last.append(Event("too_far", facts.length_m, C=names.name(beyond)))
     return last
 
 
@@ -33,7 +34,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     length, visits = facts.length_m, facts.visits
     if _stops_in_doorway(facts):
         # What is ahead lies in the next room, which the path does not enter.
-        return Event("stop_outside", length, B=names.room(facts.goal_rooms[0]))
+        return Event("stop_outside", length, B=names.name(facts.goal_rooms[0]))
     mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
     if mark is not None:
         return _at(mark, facts, names, taste)
@@ -44,7 +45,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         return Event("stop_after", length, far_m=1.0)
     near = facts.goal_near_rooms
     if len(near) == 1 and near[0] not in (v.room for v in visits):
-        return Event("stop_outside", length, B=names.room(near[0]))
+        return Event("stop_outside", length, B=names.name(near[0]))
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
     past = names.best(lambda m: m.distance_m if passed(m, facts, from_m, length - 0.4) else None)
@@ -56,7 +57,8 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
 def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
     """Return the stop at a thing, and what more is said of its place."""
     mark, bearing_deg = thing.mark, thing.mark.goal_bearing_deg
-    ahead = abs(bearing_deg) < 32.0
+    near = mark.goal_distance_m <= STOP_AT_M
+    ahead = near and abs(bearing_deg) < 32.0
     kind = "stop_beside" if mark.goal_distance_m <= _BESIDE_M else "stop_close"
     event = Event("stop_front" if ahead else kind, facts.length_m, X=thing)
     across = names.best(
@@ -68,7 +70,9 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
         return replace(event, kind="stop_between", Y=across)
     side = "left" if bearing_deg > 0 else "right"
     options: list[Event] = []
-    if 40.0 < abs(bearing_deg) < 140.0:
+    before = moment_at(mark, facts.length_m - _COMES_M)
+    # "When the sofa is on your right" tells nothing to whom it was there all along.
+    if near and 55.0 < abs(bearing_deg) < 125.0 and before and abs(before.bearing_deg) < 40.0:
         options.append(replace(event, kind="stop_side", s=side))
     if names.rng.random() < taste.more:
         if not ahead and (beside := names.beside(thing)):
@@ -78,7 +82,7 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
             options.append(replace(event, kind="stop_with", Y=across, s=other))
         room = facts.goal_room
         if room and not facts.goal_rooms and not ahead:
-            options.append(replace(event, kind="stop_in", B=names.room(room)))
+            options.append(replace(event, kind="stop_in", B=names.name(room)))
     return pick([event, *options], names.rng)
 
 
@@ -96,4 +100,4 @@ def _stops_in_doorway(facts: PathFacts) -> bool:
 def _faces(one_deg: float, other_deg: float) -> bool:
     """Return whether two things lie on either side of the stop."""
     sides = sorted((one_deg, other_deg))
-    return -140.0 < sides[0] < -40.0 and 40.0 < sides[1] < 140.0
+    return -120.0 < sides[0] < -50.0 and 50.0 < sides[1] < 120.0
