@@ -7,9 +7,8 @@ from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .names import Names
 from .records import Event, Taste
-from .refer import at_start, passed
+from .refer import PASS_DOOR_M, at_start, passed
 
-PASS_DOOR_M = 1.8
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
 _LONG_M = 4.0  # the longest way that a text leaves undescribed

@@ -111,5 +111,5 @@ def _draft(
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for _, other, _ in others)
     same = sum(kind in used for kind in kinds for _, _, used in others) / max(1, len(kinds))
-    score = usage.repetition(text) + 12.0 * outside + 0.15 * shared + 0.3 * same
+    score = 2.0 * usage.repetition(text) + 14.0 * outside + 0.15 * shared + 0.3 * same
     return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds

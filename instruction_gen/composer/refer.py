@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..facts.landmarks import PLAIN
 from ..facts.records import LandmarkFact, Moment, PathFacts
 
-PASS_M = 2.0
+PASS_M, PASS_DOOR_M = 2.0, 1.8
 STOP_M, STOP_AT_M = 1.9, 1.2  # of the nearest thing, of any other
 _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.

@@ -11,7 +11,7 @@ from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, Visi
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import at_turn, in_view
+from .refer import PASS_DOOR_M, at_turn, in_view
 
 TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
@@ -174,7 +174,9 @@ def _counts(passage: PassageFact, facts: PathFacts) -> bool:
     row = (
         passage.from_room in mark.leads and mark.side == passage.side
         for mark in facts.landmarks
-        if mark.noun == DOOR and from_m < mark.along_m < passage.along_m - 0.5
+        if mark.noun == DOOR
+        and mark.distance_m <= PASS_DOOR_M
+        and from_m < mark.along_m < passage.along_m - 0.5
     )
     return passage.ordinal == 1 + sum(row)
 
@@ -251,9 +253,9 @@ def _passage(
     left = "" if first and names.homed else names.name(passage.from_room)
     done = max(along, passage.along_m, turn.along_m if turn else 0.0)
     event = Event("enter", along, A=left, B=room, s=side, to_m=done)
-    many = _one_of_many(passage, facts)
     # Where a hallway goes on as another there is no door.
     doorway = passage.doorway and passage.from_room != passage.to_room
+    many = doorway and _one_of_many(passage, facts)
     slight = turn is not None and abs(turn.angle_deg) < _SLIGHT_DEG
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
