@@ -22,9 +22,9 @@ from .report.gather import LeftOut, RobotRow, left_out, robot_rows, shared_paths
 
 log = logging.getLogger(__name__)
 LEGEND = (
-    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS:\n"
-    "passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of path and\n"
-    "walk [%]; NE: mean distance to the goal at the end; TL: mean length walked."
+    "collected: ended within 0.25 m of the goal (human: 1 m); SR: stopped within 3 m\n"
+    "of it; OS: passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of\n"
+    "path and walk [%]; NE: mean distance to the goal at the end; TL: mean length walked."
 )
 BENEATH = "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
 # The widest name of a robot, and of a controller: the table fits 100 characters.

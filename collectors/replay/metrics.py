@@ -64,7 +64,7 @@ def rollout_metrics(
     Geodesic distances are those of VLN-CE's agent, not of the robot's footprint, so that robots of
     different size are comparable (see `AGENT_RADIUS_M`). `success` is the VLN one: the robot
     stopped by itself, and less than the goal's radius (3 m) away; the stricter rule for collection
-    (stopped within 0.25 m) is `end_reason == "success"`. SPL uses the episode's geodesic distance
+    (see `OutcomeConfig`) is `end_reason == "success"`. SPL uses the episode's geodesic distance
     as the shortest length.
     Who leaves the reachable floor (`flash` goes through walls) succeeds nowhere farther than
     `SNAP_M` from it; NE is then the straight way back to it and the distance from there.

@@ -97,6 +97,7 @@ def make_dataset(run: Run, robot: RobotSpec, view: View, drives: list[drive_item
     product = Product(FRAMES_PER_SECOND, Extras(), False, "h264", "video")
     drivers = sorted({str(d.header["driver"]) for d in drives if d.header["robot"] == robot.name})
     facts = {"robot": robot.name, "controller": HUMAN, "drivers": drivers, "seed": run.seed}
+    facts["success_m"] = drive_items.SUCCESS_M
     named = (robot, HUMAN)
     export_walks(run, episodes, walks, scenes, named, views=[view], product=product, facts=facts)
     return report.write(folder, run.context, run.summaries)

@@ -24,7 +24,7 @@ JPEG_QUALITY = 85
 KEPT, LEFT = "kept", "left"
 SAID = {
     EndReason.SUCCESS: "Arrived.",
-    EndReason.STOPPED_FAR: "Stopped, farther than 0.25 m from the goal.",
+    EndReason.STOPPED_FAR: "Stopped, farther than {success_m:g} m from the goal.",
     EndReason.FALL: "The robot fell.",
     EndReason.STUCK: "Stuck: it got nowhere for a while.",
     EndReason.TIMEOUT: "Out of time: 500 actions.",
@@ -134,7 +134,7 @@ def _end(seat: Seat) -> str:
         return ""
     if seat.free and end in (EndReason.SUCCESS, EndReason.STOPPED_FAR):
         return "Stopped."
-    return SAID.get(end, str(end))
+    return SAID.get(end, str(end)).format(success_m=seat.drive.run.config.outcome.success_m)
 
 
 def _pace(pace: deque[tuple[float, float]]) -> float | None:

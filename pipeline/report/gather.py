@@ -22,7 +22,7 @@ class RobotRow:
         episodes: how many paths were tried; a path is walked once for all its instructions.
         instructions: how many those paths carry.
         sr_by_instruction: SR where a path counts once for each of its instructions.
-        collected: that ended within 0.25 m of the goal; SR, OS, SPL follow VLN-CE.
+        collected: that ended as a success; SR, OS, SPL follow VLN-CE.
         tl: mean length walked.
         ne: mean over the episodes whose goal could still be reached from where they ended.
         os, sr, spl, ndtw: see `formats.core.rollout.Metrics`.

@@ -54,10 +54,17 @@ def episode(two_rooms: SceneBundle) -> Episode:
 class Driver:
     """A drive, and a person who holds sticks for a time."""
 
-    def __init__(self, world: World, episode: Episode, controller: str, path: Path) -> None:
+    def __init__(
+        self,
+        world: World,
+        episode: Episode,
+        controller: str,
+        path: Path,
+        config: ReplayConfig | None = None,
+    ) -> None:
         self.clock = Clock()
         self.controls = Controls(clock=self.clock)
-        self.config = ReplayConfig(
+        self.config = config or ReplayConfig(
             robot=world.robot.name,
             controller=controller,
             outcome=OutcomeConfig(timeout_factor=math.inf),

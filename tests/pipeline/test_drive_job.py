@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.collectors.test_driving import AHEAD, Driver
+from tests.collectors.test_driving import AHEAD, LEFT, Driver
 from tests.collectors.test_replay import make_episode
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.pipeline.stages.rollouts.drive_items import drive_walker
 from vlnpe.pipeline.stages.rollouts.drive_job import DriveJob
 from vlnpe.pipeline.stages.rollouts.replay_job import Walker
 
@@ -44,3 +46,27 @@ def test_a_recorded_drive_stays_when_words_or_physics_change(
     out.unlink()
     with pytest.raises(FileFormatError, match="another state"):
         replace(job, walker=other).run()
+
+
+@pytest.mark.parametrize(
+    ("goal", "end"), [((1.8, 1.0), EndReason.SUCCESS), ((2.2, 1.0), EndReason.STOPPED_FAR)]
+)
+@pytest.mark.parametrize("controller", ["path", "speed"])
+def test_a_stop_within_1_m_of_the_goal_is_a_success(
+    two_rooms: SceneBundle,
+    tmp_path: Path,
+    controller: str,
+    goal: tuple[float, float],
+    end: EndReason,
+) -> None:
+    robot = get_robot("jetbot")
+    episode = make_episode(two_rooms, start=(1.0, 1.0), goal=goal)
+    walker = drive_walker(robot, {"controller": controller, "seed": 0})
+    world = open_world(two_rooms, 0, robot)
+    driver = Driver(world, episode, controller, tmp_path / "a.drive", walker.config)
+    driver.hold(LEFT, 0.5)
+    assert driver.stop() is end
+    driver.drive.keep(episode)
+    out = tmp_path / "a.mcap"
+    DriveJob(two_rooms.root, episode, walker, driver.path, "Ada", tmp_path / "models", out).run()
+    assert read_rollout(out).end_reason is end

@@ -1,5 +1,6 @@
 """Stages `drive` and `replay` of drives: their journals become episodes, and rollouts."""
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -24,6 +25,7 @@ from .replay_job import Walker
 STAGE = "drive"
 SUFFIX = ".drive"
 CONTROLLERS = {"velocity": "path", "discrete": "speed"}  # whose place the person takes
+SUCCESS_M = 1.0  # from a robot's camera nobody sees within 0.25 m where a goal is
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,12 @@ def episode_item(scene: Row, drives: Iterable[Driven], out: Path) -> WorkItem:
 
 
 def drive_walker(robot: RobotSpec, header: Mapping[str, Any]) -> Walker:
-    """Return how a robot is driven; a person has no limit of time, but one of 500 actions."""
+    """Return how a robot is driven; a person has no limit of time, but one of 500 actions.
+
+    A stop within `SUCCESS_M` of the goal is a success.
+    """
     plain = walker(robot, header["controller"], header["seed"], SpeedConfig())
-    outcome = replace(plain.config.outcome, timeout_factor=float("inf"))
+    outcome = replace(plain.config.outcome, timeout_factor=math.inf, success_m=SUCCESS_M)
     return Walker(robot, replace(plain.config, outcome=outcome))
 
 

@@ -57,6 +57,7 @@ def driven(prepared: Path) -> Path:
     page.do("undo")
     page.hold(AHEAD, 0.5)
     page.do("stop", until="ended")
+    assert page.state["end"] in ("Arrived.", "Stopped, farther than 1 m from the goal.")
     page.do("keep", until="waits")
     page.do("close")
     _, text = process.communicate(timeout=300)
@@ -87,7 +88,7 @@ def test_drives_are_rollouts_like_any_other(driven: Path, tmp_path: Path) -> Non
     assert done.returncode == 0, done.stdout
     (lerobot,) = (driven / "lerobot").iterdir()
     facts = json.loads((lerobot / "meta" / "provenance.json").read_text())
-    assert facts["options"]["drivers"] == ["Ada"]
+    assert facts["options"]["drivers"] == ["Ada"] and facts["options"]["success_m"] == 1.0
     for layout in ("navila", "internvla-n1"):
         done = tiny_run.vlnpe("convert", lerobot, "--to", layout, "--out", tmp_path / layout)
         assert done.returncode == 0, done.stderr
