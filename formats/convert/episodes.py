@@ -5,10 +5,11 @@ rollout at full rate without pictures, and `dataset.json`, facts of the dataset 
 So nothing is lost on the way.
 """
 
+import contextlib
 import json
 import shutil
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -36,8 +37,8 @@ from ..mcap.episode import (
 from ..mcap.facts import METADATA_NAME
 from ..mcap.id_images import extract_id_videos
 from ..mcap.recording import read_recording
-from ..mcap.shown import extract_shown
-from ..rendered.folder import video_name
+from ..mcap.shown import ShownTopic, extract_shown
+from ..rendered.folder import FrameFolder, read_frame_folder, video_name
 from ..rendered.table import build_frame_table
 from ..untrusted.documents import read_json_object
 from .dataset import ROLLOUTS_PATH, extract_unit, kept_rollout, read_facts
@@ -100,24 +101,29 @@ def mcap_from_unit(folder: Path, path: Path) -> None:
     if not (folder / ROLLOUT_NAME).is_file():
         write_unit_mcap(path, folder, dataset)
         return
+    with kept_episode(folder) as (rollout, view, shown):
+        write_episode_mcap(path, rollout, view.rgb_video.parent, shown=shown, dataset=dataset)
+
+
+@contextlib.contextmanager
+def kept_episode(folder: Path) -> Iterator[tuple[Rollout, FrameFolder, tuple[ShownTopic, ...]]]:
+    """Yield the rollout that a unit keeps, its frames in a temporary folder, and what it shows.
+
+    Raises:
+        FileFormatError: If the unit is damaged, or its rollout is of another episode.
+    """
     unit, blind = read_episode_unit(folder), folder / ROLLOUT_NAME
     contents = read_recording(blind)
     rollout, view, arrays = extract_records(contents, blind)
     _check_rollout(unit, rollout, arrays, blind)
-    with tempfile.TemporaryDirectory(dir=_parent(path), prefix=".vlnpe-tmp-") as temporary:
+    with tempfile.TemporaryDirectory(prefix=".vlnpe-tmp-") as temporary:
         frames = Path(temporary)
         shutil.copyfile(unit.video(RGB_KEY), frames / video_name(view, "rgb", blind))
         with depth_video(unit) as depth:
             shutil.copyfile(depth, frames / video_name(view, "depth", blind))
         extract_id_videos(contents, blind, frames, view, unit.length)
         write_frame_records(frames, view, arrays)
-        write_episode_mcap(
-            path,
-            rollout,
-            frames,
-            shown=extract_shown(contents),
-            dataset=dataset,
-        )
+        yield rollout, read_frame_folder(frames), extract_shown(contents)
 
 
 def dataset_from_units(units: Sequence[Path], out: Path, facts: DatasetFacts) -> DatasetSummary:

@@ -51,7 +51,7 @@ def camera_messages(
     colours = CompressedVideoChannel(RGB_TOPIC, context=context)
     depths = RawImageChannel(DEPTH_TOPIC, context=context)
     camera, codec = view.camera, RGB_CODECS[view.rgb_codec].canonical
-    position, rotation = _camera_in_base(rollout, view)
+    position, rotation = camera_in_base(rollout, view)
     size: dict[str, Any] = {"width": camera.width_px, "height": camera.height_px}
     projection = np.hstack([camera.intrinsics, np.zeros((3, 1))])
     matrices: dict[str, Any] = {
@@ -79,7 +79,7 @@ def camera_messages(
         yield logged(depths, time_s, depth)
 
 
-def _camera_in_base(rollout: Rollout, view: FrameFolder) -> tuple[Array, Array]:
+def camera_in_base(rollout: Rollout, view: FrameFolder) -> tuple[Array, Array]:
     """Return position (N, 3) [m] and quat_wxyz (N, 4) of the optical frame in the base frame."""
     samples = view.arrays["sample_index"]
     to_base = quat_to_matrix(rollout.quat_wxyz[samples]).swapaxes(-1, -2)

@@ -24,7 +24,7 @@ def run_convert(options: Convert) -> int:
     check_choice(target, choice)
     if options.from_ in LAYOUTS:
         raise InputError(f"--from {options.from_}: this layout {convert_source.LACKS_POSES}")
-    sources = convert_source.detect_all(options.source)
+    sources = convert_source.detect_all(options.source, target == convert_source.Kind.ROS2)
     kinds = sorted({str(source.kind) for source in sources})
     if options.from_ and [options.from_] != kinds:
         check_name("--from", options.from_, (*convert_source.Kind, *LAYOUTS))

@@ -23,8 +23,8 @@ class Convert(Running):
     """Run folder, LeRobot v3 dataset, folder of .mcap files, a single .mcap file, or InternData-N1
     VLN-PE data."""
     to: str
-    """Format to write: mcap, lerobot, n1, or the layout of a trainer: navila, streamvln,
-    internvla-n1, navdp, uni-navid, sharegpt."""
+    """Format to write: mcap, lerobot, n1, ros2 (a bag of ROS 2 per walk), or the layout of a
+    trainer: navila, streamvln, internvla-n1, navdp, uni-navid, sharegpt."""
     from_: Annotated[str, tyro.conf.arg(name="from")] = ""
     """Format of the source; by default it is detected."""
     out: Path = Path("converted")
@@ -48,7 +48,8 @@ class Convert(Running):
     """N1: write one row per frame, labelled with the expert's action at that pose, instead of one
     row per discrete step. Required for converting back without losing frames."""
     robot: str | None = None
-    """N1 input: robot that recorded the data; by default read from info.json or the folder name."""
+    """N1 input: robot that recorded the data; by default read from info.json or the folder name.
+    ros2: robot whose model the bags describe, or its folder; by default the data's."""
     hfov_deg: float = 90.0
     """N1 input: horizontal field of view of the camera [deg], which the layout does not store."""
     base_height_m: float | None = None

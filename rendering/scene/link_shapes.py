@@ -23,8 +23,8 @@ def robot_links(model: mujoco.MjModel, rollout: Rollout, every: int) -> RobotLin
     free = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     if len(free) != 1:
         raise ValueError(f"the robot model has {len(free)} free joints; valid: exactly one")
-    geoms = visible_geoms(model)
-    bodies = sorted({int(model.geom_bodyid[geom]) for geom in geoms})
+    shapes = body_shapes(model)
+    bodies = list(shapes)
     joints = np.array(
         [model.jnt_qposadr[model.joint(name).id] for name in rollout.joint_names], np.int64
     )
@@ -39,22 +39,23 @@ def robot_links(model: mujoco.MjModel, rollout: Rollout, every: int) -> RobotLin
         data.qpos[joints] = rollout.joint_position_rad[sample]
         mujoco.mj_kinematics(model, data)
         position[k], rotation[k] = data.xpos[bodies], data.xquat[bodies]
-    colors = geom_colors(model)
     return RobotLinks(
         names=tuple(model.body(body).name for body in bodies),
-        shapes=tuple(
-            tuple(
-                shape
-                for geom in geoms
-                if model.geom_bodyid[geom] == body
-                for shape in _shapes(model, int(geom), colors[geom])
-            )
-            for body in bodies
-        ),
+        shapes=tuple(shapes.values()),
         time_s=rollout.time_s[samples],
         position_base_m=position,
         quat_wxyz=rotation,
     )
+
+
+def body_shapes(model: mujoco.MjModel) -> dict[int, tuple[LinkShape, ...]]:
+    """Return the visible shapes of each body that has some, by ascending id."""
+    colors, shapes = geom_colors(model), dict[int, tuple[LinkShape, ...]]()
+    for geom in visible_geoms(model):
+        body = int(model.geom_bodyid[geom])
+        own = _shapes(model, int(geom), colors[geom])
+        shapes[body] = (*shapes.get(body, ()), *own)
+    return dict(sorted(shapes.items()))
 
 
 def _shapes(model: mujoco.MjModel, geom: int, rgba: F32) -> list[LinkShape]:

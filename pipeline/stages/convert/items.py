@@ -4,14 +4,16 @@ import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from ....collectors.robots import get_robot
 from ....formats.convert.episodes import joint_facts, unit_dataset
 from ....formats.core.atomic import write_json
-from ....formats.core.errors import InputError
+from ....formats.core.errors import InputError, UnknownNameError
 from ....formats.internnav import layout
 from ....formats.internnav.tokens import own_vocabulary, read_vocabulary
 from ....formats.internnav.writer import SceneEpisode, share_instructions
 from ....formats.lerobot import EpisodeUnit, read_episode_unit
 from ....formats.trainers.registry import LAYOUTS
+from ....rendering.scene.urdf import robot_urdf
 from ...engine.ledger import Row
 from ...engine.work import WorkItem, work_item
 from ...execution.runner import Context, StageSummary, run_stage
@@ -64,6 +66,8 @@ def run(
                 last = [_dataset_item(rows, root, folder, name, source, options)]
             elif target == Kind.MCAP:
                 last = _mcap_items(rows, root, folder)
+            elif target == Kind.ROS2:
+                last = _bag_items(rows, root, folder, options)
             else:
                 last = _scene_items(rows, root, folder, name, options)
                 context.ledger.record([folder / layout.VOCABULARY_NAME])
@@ -146,6 +150,26 @@ def _mcap_items(rows: Mapping[str, Row], root: Path, folder: Path) -> list[WorkI
         out = folder / f"{item.rsplit('/', 1)[1]}.mcap"
         job = UnitMcapJob(root / row.outputs[0], out)
         result.append(work_item(Kind.MCAP, item, job, (out,), row.key))
+    return result
+
+
+def _bag_items(
+    rows: Mapping[str, Row], root: Path, folder: Path, options: Options
+) -> list[WorkItem]:
+    from .ros2_job import UnitRos2Job  # needs an extra
+
+    name, urdf = options.assumptions.robot or next(iter(rows.values())).facts["robot"], None
+    try:
+        urdf = robot_urdf(get_robot(name))
+    except UnknownNameError:
+        if options.assumptions.robot:
+            raise
+        log.warning("no model of %s, so no /robot_description; --robot takes its folder", name)
+    result = []
+    for item, row in rows.items():
+        out = folder / item.rsplit("/", 1)[1]
+        job = UnitRos2Job(root / row.outputs[0], urdf, out)
+        result.append(work_item(Kind.ROS2, item, job, (out,), row.key, urdf))
     return result
 
 

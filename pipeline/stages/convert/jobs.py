@@ -30,6 +30,7 @@ class Kind(StrEnum):
     MCAP = "mcap"
     LEROBOT = "lerobot"
     N1 = "n1"
+    ROS2 = "ros2"
 
 
 @dataclass(frozen=True)

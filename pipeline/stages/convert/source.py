@@ -36,15 +36,23 @@ class Source:
     name: str
 
 
-def detect_all(path: Path) -> list[Source]:
+def detect_all(path: Path, whole: bool = False) -> list[Source]:
     """Return what `path` contains: the datasets of a run, or one dataset.
+
+    Args:
+        whole: Whether to take a run's MCAP files, which hold whole rollouts, where it has them.
 
     Raises:
         FileFormatError: nothing that can be converted.
     """
     datasets = sorted(path.glob("lerobot/*/meta/episodes")) if path.is_dir() else []
     if datasets:
-        return [detect(found.parents[1]) for found in datasets]
+        folders = [found.parents[1] for found in datasets]
+        recorded = [path / Kind.MCAP / folder.name for folder in folders]
+        return [
+            detect(other if whole and other.is_dir() else folder)
+            for folder, other in zip(folders, recorded, strict=True)
+        ]
     return [detect(path)]
 
 
