@@ -51,6 +51,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("cluster", ["ray", "submitit"]),
         _extra("onnxruntime", ["onnx", "onnxruntime"]),
         _extra("s3", ["s3fs"]),
+        _extra("ros2", ["rosbags"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

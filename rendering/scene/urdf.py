@@ -156,7 +156,9 @@ def _add_link(
 def _add_origin(
     element: ET.Element, position_m: NDArray[np.float64], quat_wxyz: NDArray[np.float64]
 ) -> None:
-    angles = Rotation.from_quat(quat_wxyz, scalar_first=True).as_euler("xyz")
+    angles = Rotation.from_quat(quat_wxyz, scalar_first=True).as_euler(
+        "xyz", suppress_warnings=True
+    )
     ET.SubElement(element, "origin", xyz=_text(position_m), rpy=_text(angles))
 
 

@@ -15,7 +15,7 @@ from vlnpe.pipeline.cli import main
 EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
 EXTRA_MODULES = {
     "torch", "lerobot", "rsl_rl", "onnx", "open3d", "gymnasium", "msgpack", "websockets", "ray",
-    "submitit", "onnxruntime", "s3fs", "openai", "httpx2", "werkzeug",
+    "submitit", "onnxruntime", "s3fs", "rosbags", "openai", "httpx2", "werkzeug",
 }  # fmt: skip
 
 
