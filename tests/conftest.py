@@ -27,7 +27,7 @@ SHARED_SCENES = Path(__file__).resolve().parents[2] / "shared" / "scenes"
 # one of the first is left out, whereas tests skip themselves where one of the others is missing.
 LIBRARIES = (
     "torch|lerobot|lerobot_doctor|datasets|accelerate|onnx|onnxruntime|rsl_rl|huggingface_hub"
-    "|open3d|s3fs|moto|pyvista|setuptools|gymnasium"
+    "|open3d|s3fs|moto|pyvista|setuptools|gymnasium|rosbags"
 )
 HIDDEN = {*LIBRARIES.split("|"), "msgpack", "ray", "safetensors", "selenium", "submitit"}
 NOT_CORE = re.compile(
