@@ -15,7 +15,6 @@ def test_links_masses_and_joints_are_the_models(name: str) -> None:
     spec = mujoco.MjSpec.from_string(robot_urdf(robot))
     spec.compiler.fusestatic = False
     spec.compiler.discardvisual = False
-    spec.worldbody.add_frame()
     read = spec.compile()
     names = {read.joint(k).name for k in range(read.njnt)}
     assert names == {model.joint(k).name for k in range(1, model.njnt)} >= set(robot.joint_names)
