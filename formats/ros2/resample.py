@@ -1,0 +1,189 @@
+"""A robot's log as episodes at a dataset's rate: where they begin and end, and their rollouts."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.episode import Episode
+from ..core.errors import FileFormatError
+from ..core.frames import matrix_to_quat, quat_to_matrix
+from ..core.geometry import path_length
+from ..core.rollout import STATE_RATE_HZ, EndReason, Metrics, Rollout
+from .topic_map import TopicMap
+from .tracks import Track, Tracks
+
+UNKNOWN = float("nan")
+
+
+@dataclass(frozen=True)
+class Span:
+    """Seconds since the bag's start without a gap in odometry, colour and depth."""
+
+    start_s: float
+    stop_s: float
+
+
+def spans(tracks: Tracks, topics: TopicMap) -> list[Span]:
+    """Return where a log has all that an episode needs, in order."""
+    needed = [tracks.odometry, tracks.color, *([tracks.depth] if tracks.depth else [])]
+    start = max(track.time_s[0] for track in needed)
+    stop = min(track.time_s[-1] for track in needed)
+    holes = sorted(
+        (float(a), float(b))
+        for track in needed
+        for a, b in zip(track.time_s[:-1], track.time_s[1:], strict=True)
+        if b - a > topics.max_gap_s
+    )
+    result = []
+    for a, b in [*holes, (stop, stop)]:
+        end = min(a, stop)
+        if end - start >= topics.min_episode_s:
+            result.append(Span(float(start), float(end)))
+        start = max(start, b)
+    return result
+
+
+def nearest(track: Track, times_s: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the index (N,) of the message that is nearest to each time."""
+    after = np.clip(np.searchsorted(track.time_s, times_s), 1, max(len(track.time_s) - 1, 1))
+    before = after - 1
+    after = np.minimum(after, len(track.time_s) - 1)
+    closer = times_s - track.time_s[before] <= track.time_s[after] - times_s
+    return np.where(closer, before, after)
+
+
+def frame_times(span: Span, rate: int) -> NDArray[np.float64]:
+    """Return the times (N,) of a span's frames [s]."""
+    return span.start_s + np.arange(int((span.stop_s - span.start_s) * rate + 1e-6) + 1) / rate
+
+
+def rollout_of_span(
+    tracks: Tracks,
+    topics: TopicMap,
+    span: Span,
+    *,
+    robot: str,
+    joint_names: Sequence[str],
+    base_height_m: float,
+    rate: int,
+    name: str,
+    split: str,
+) -> Rollout:
+    """Return a span as a rollout at `STATE_RATE_HZ`; what the log lacks has no columns.
+
+    Args:
+        joint_names: The joints to keep, in order.
+        base_height_m: Height of the base over the floor at the span's start.
+    """
+    frames = frame_times(span, rate)
+    count = (len(frames) - 1) * (STATE_RATE_HZ // rate) + 1
+    times = span.start_s + np.arange(count) / STATE_RATE_HZ
+    poses = at_times(tracks.odometry, times)
+    position = poses[:, :3]
+    nothing = np.empty((count, 0))
+    joints = [nothing] * 3
+    if tracks.joints is not None and joint_names:
+        order = [tracks.joint_names.index(joint) for joint in joint_names]
+        parts = np.split(tracks.joints.at(times), 3, axis=1)
+        joints = [part[:, order] for part in parts]
+    command = nothing if tracks.command is None else tracks.command.last_at(times)
+    imu = nothing if tracks.imu is None else tracks.imu.at(times)
+    floor = position[0] - [0.0, 0.0, base_height_m]
+    yaw = float(np.arctan2(*_yaw_parts(poses[0, 3:7])))
+    end = EndReason(topics.end_reason)
+    return Rollout(
+        episode=Episode(
+            episode_id=name,
+            trajectory_id=name,
+            scene_id=name,
+            split=split,
+            level=0,
+            start_position_world_m=floor,
+            start_yaw_rad=yaw,
+            goal_position_world_m=np.full(3, UNKNOWN),
+            reference_path_world_m=np.empty((0, 3)),
+            geodesic_distance_m=UNKNOWN,
+            instruction=tracks.instruction,
+        ),
+        robot=robot,
+        controller="log",
+        time_s=times - span.start_s,
+        position_world_m=position,
+        quat_wxyz=poses[:, 3:7],
+        linear_velocity_base_m_s=poses[:, 7:10],
+        angular_velocity_base_rad_s=poses[:, 10:13],
+        joint_names=tuple(joint_names),
+        joint_position_rad=joints[0],
+        joint_velocity_rad_s=joints[1],
+        joint_torque_nm=joints[2],
+        command=command,
+        foot_names=(),
+        foot_contact=np.empty((count, 0), bool),
+        foot_force_n=nothing,
+        imu=imu,
+        floor_z_m=np.full(count, floor[2]),
+        actions=(),
+        events=(),
+        end_reason=end,
+        metrics=Metrics(
+            trajectory_length_m=path_length(position[:, :2]),
+            navigation_error_m=UNKNOWN,
+            navigation_error_euclidean_m=UNKNOWN,
+            success=end is EndReason.SUCCESS,
+            oracle_success=end is EndReason.SUCCESS,
+            spl=UNKNOWN,
+            ndtw=UNKNOWN,
+            fall=end is EndReason.FALL,
+            stuck=end is EndReason.STUCK,
+            duration_s=float(times[-1] - times[0]),
+        ),
+        facts={"clock": list(tracks.doubts), "source_span_s": [span.start_s, span.stop_s]},
+    )
+
+
+def camera_poses(
+    path: Path, tracks: Tracks, topics: TopicMap, span: Span, rate: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the optical frame's position (N, 3) [m] and quat_wxyz (N, 4) in the odometry's frame.
+
+    Raises:
+        FileFormatError: If no transforms lead from the base to the camera.
+    """
+    times = frame_times(span, rate)
+    pose = np.tile(np.eye(4), (len(times), 1, 1))
+    frame, passed = tracks.color_frame, set[str]()
+    while frame != topics.base_frame:
+        if frame not in tracks.frames or frame in passed:
+            chain = f"{topics.base_frame} to {tracks.color_frame}"
+            raise FileFormatError(path, f"/tf and /tf_static do not lead from {chain}")
+        passed.add(frame)
+        frame, edge = tracks.frames[frame]
+        pose = _matrices(at_times(edge, times)) @ pose
+    pose = _matrices(at_times(tracks.odometry, times)) @ pose
+    return pose[:, :3, 3], matrix_to_quat(pose[:, :3, :3])
+
+
+def at_times(track: Track, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return interpolated values whose columns 3 to 6 are a quaternion."""
+    values = track.values.copy()
+    quats = values[:, 3:7]
+    flips = np.where(np.sum(quats[1:] * quats[:-1], axis=1) < 0, -1.0, 1.0)
+    quats *= np.concatenate([[1.0], np.cumprod(flips)])[:, None]
+    result = Track(track.time_s, values).at(times_s)
+    result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
+    return result
+
+
+def _matrices(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    result = np.tile(np.eye(4), (len(poses), 1, 1))
+    result[:, :3, :3] = quat_to_matrix(poses[:, 3:7])
+    result[:, :3, 3] = poses[:, :3]
+    return result
+
+
+def _yaw_parts(quat_wxyz: NDArray[np.float64]) -> tuple[float, float]:
+    rotation = quat_to_matrix(quat_wxyz)
+    return float(rotation[1, 0]), float(rotation[0, 0])
