@@ -33,6 +33,7 @@ def unit_from_log(
     base_height_m: float,
     rate: int,
     split: str,
+    instruction: str,
     rgb_codec: str = "h264",
 ) -> None:
     """Write a span as a unit; depth that the log lacks is invalid everywhere.
@@ -73,6 +74,7 @@ def unit_from_log(
             rate=rate,
             name=folder.name,
             split=split,
+            instruction=instruction,
         )
         view = FrameFolder(
             rgb_video=rgb_video,

@@ -71,6 +71,7 @@ def rollout_of_span(
     rate: int,
     name: str,
     split: str,
+    instruction: str,
 ) -> Rollout:
     """Return a span as a rollout at `STATE_RATE_HZ`; what the log lacks has no columns.
 
@@ -106,7 +107,7 @@ def rollout_of_span(
             goal_position_world_m=np.full(3, UNKNOWN),
             reference_path_world_m=np.empty((0, 3)),
             geodesic_distance_m=UNKNOWN,
-            instruction=tracks.instruction,
+            instruction=instruction,
         ),
         robot=robot,
         controller="log",

@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from backports.zstd import ZstdError  # rosbags reads chunks with it
 from numpy.typing import NDArray
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
+from rosbags.serde import SerdeError
 
 from ..core.errors import FileFormatError, one_line
 from ..untrusted.files import PARSER_ERRORS
@@ -18,6 +20,8 @@ from .topic_map import TopicMap
 
 # A topic's clock that is this far from the recorder's is another clock, not latency.
 OTHER_CLOCK_S = 1.0
+# What rosbags raises for damaged bags.
+BAG_ERRORS = (ReaderError, SerdeError, ZstdError, AssertionError, *PARSER_ERRORS)
 
 
 @dataclass(frozen=True)
@@ -102,7 +106,7 @@ def messages(path: Path, topics: tuple[str, ...]) -> Iterator[tuple[str, str, in
                 raise FileFormatError(path, f"truncated: {count} of {expected} messages")
     except FileFormatError:
         raise
-    except (ReaderError, *PARSER_ERRORS) as error:
+    except BAG_ERRORS as error:
         raise FileFormatError(path, f"damaged bag: {one_line(error)}") from error
 
 
@@ -156,7 +160,7 @@ def read_tracks(path: Path, topics: TopicMap) -> Tracks:
                 _add(read.setdefault(topic, _Stamped()), stamp, at, values)
     except FileFormatError:
         raise
-    except (AttributeError, *PARSER_ERRORS) as error:
+    except BAG_ERRORS as error:
         raise FileFormatError(path, f"a message is damaged: {one_line(error)}") from error
     for topic in (topics.odometry, topics.color):
         if topic not in read:

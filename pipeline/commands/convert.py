@@ -4,8 +4,11 @@ from ...formats.convert.restore import restore
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
+from ...formats.ros2.topic_map import TopicMap, read_topic_map
 from ...formats.trainers.registry import LAYOUTS
 from ...formats.trainers.subset import table
+from ...formats.untrusted.files import read_input
+from ...formats.untrusted.limits import limits
 from ...formats.video.codecs import check_rgb_codec
 from ..context import open_context
 from ..options.convert import Convert, Restore
@@ -76,4 +79,8 @@ def _options(options: Convert) -> convert_source.Options:
         ),
         options.scan,
         options.every_frame,
+        read_topic_map(options.map) if options.map else TopicMap(),
+        read_input(options.instruction, max_bytes=limits().text_bytes).decode().strip()
+        if options.instruction
+        else "",
     )

@@ -20,9 +20,9 @@ class Convert(Running):
     """
 
     source: tyro.conf.Positional[Path]
-    """Run folder, LeRobot v3 dataset, folder of .mcap files, a single .mcap file, or InternData-N1
-    VLN-PE data."""
-    to: str
+    """Run folder, LeRobot v3 dataset, folder of .mcap files, a single .mcap file, InternData-N1
+    VLN-PE data, or bags of ROS 2."""
+    to: str = "lerobot"
     """Format to write: mcap, lerobot, n1, ros2 (a bag of ROS 2 per walk), or the layout of a
     trainer: navila, streamvln, internvla-n1, navdp, uni-navid, sharegpt."""
     from_: Annotated[str, tyro.conf.arg(name="from")] = ""
@@ -48,19 +48,26 @@ class Convert(Running):
     """N1: write one row per frame, labelled with the expert's action at that pose, instead of one
     row per discrete step. Required for converting back without losing frames."""
     robot: str | None = None
-    """N1 input: robot that recorded the data; by default read from info.json or the folder name.
+    """N1 and ROS 2 input: robot that recorded the data; N1's is by default read from info.json or
+    the folder name.
     ros2: robot whose model the bags describe, or its folder; by default the data's."""
     hfov_deg: float = 90.0
     """N1 input: horizontal field of view of the camera [deg], which the layout does not store."""
     base_height_m: float | None = None
-    """N1 input: height of the robot's base above the floor [m]; known for VLN-PE's robots."""
+    """N1 and ROS 2 input: height of the robot's base above the floor [m]; known for VLN-PE's
+    robots."""
     frames_per_second: int = 4
-    """N1 input: rows per second. A row is an action of 0.25 s, regardless of the file's fps and
-    timestamps."""
+    """ROS 2 input: frames per second. N1 input: rows per second. A row is an action of 0.25 s,
+    regardless of the file's fps and timestamps."""
+    map: Path | None = None
+    """ROS 2 input: YAML file that says which topics hold what, if not those that vlnpe writes."""
+    instruction: Path | None = None
+    """ROS 2 input: text file with the instruction of bags that have none on a topic; without one,
+    it stays empty, to be written in `vlnpe review`."""
     split: str = "train"
-    """N1 input: split of the episodes."""
+    """N1 and ROS 2 input: split of the episodes."""
     rgb_codec: str = "h264"
-    """N1 input: codec of the RGB video, h264 or av1."""
+    """N1 and ROS 2 input: codec of the RGB video, h264 or av1."""
 
 
 @dataclass(frozen=True)

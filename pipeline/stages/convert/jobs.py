@@ -1,7 +1,7 @@
 """Convert one recorded episode, or a dataset of them, into another format."""
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from importlib.metadata import version
 from pathlib import Path
@@ -20,6 +20,7 @@ from ....formats.internnav.reader import SceneFolder, read_dataset_facts
 from ....formats.internnav.to_unit import unit_from_layout
 from ....formats.internnav.writer import SceneEpisode, write_scene
 from ....formats.lerobot import read_episode_unit
+from ....formats.ros2.topic_map import TopicMap
 from ....formats.vlnce.vocabulary import Vocabulary
 from ...engine.work import ItemResult, digest
 
@@ -43,6 +44,8 @@ class Options:
         assumptions: What InternData-N1 does not state.
         scan: InternData-N1's folder to write, one of `layout.SCANS`; None: as the robot says.
         every_frame: InternData-N1 gets a row per frame instead of one per discrete step.
+        topics: What the topics of a robot's log hold.
+        instruction: For logs that hold none.
     """
 
     licence: str
@@ -50,6 +53,8 @@ class Options:
     assumptions: Assumptions
     scan: str | None = None
     every_frame: bool = False
+    topics: TopicMap = field(default_factory=TopicMap)
+    instruction: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,7 +72,7 @@ class McapUnitJob:
     def run(self) -> ItemResult:
         """Write an MCAP file's unit."""
         unit_from_mcap(self.path, self.out)
-        return ItemResult(_unit_facts(self.out, self.path))
+        return ItemResult(unit_facts(self.out, self.path))
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,7 @@ class DatasetUnitJob:
     def run(self) -> ItemResult:
         """Write the unit of one episode of a LeRobot dataset."""
         unit_from_dataset(self.root, self.number, self.out)
-        return ItemResult(_unit_facts(self.out, self.root))
+        return ItemResult(unit_facts(self.out, self.root))
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ class LayoutUnitJob:
             provenance = {"converted": source_note(Kind.N1) | options.assumptions.note()}
             facts = DatasetFacts(self.name, options.licence, provenance).to_json()
         (self.out / DATASET_NAME).write_text(json.dumps(facts))
-        return ItemResult(_unit_facts(self.out, self.scene.folder) | asdict(seen))
+        return ItemResult(unit_facts(self.out, self.scene.folder) | asdict(seen))
 
 
 @dataclass(frozen=True)
@@ -177,7 +182,8 @@ class N1SceneJob:
         return ItemResult({"episodes": len(self.episodes), "frames": frames})
 
 
-def _unit_facts(folder: Path, source: Path) -> dict[str, Any]:
+def unit_facts(folder: Path, source: Path) -> dict[str, Any]:
+    """Return what the ledger keeps of a unit."""
     unit = read_episode_unit(folder)
     return {
         "source": str(source),

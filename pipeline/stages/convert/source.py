@@ -11,11 +11,14 @@ from ....formats.internnav import layout
 from ....formats.internnav.reader import dataset_folders, find_scenes, is_layout
 from ....formats.lerobot.info import read_info
 from ....formats.trainers.subset import ANNOTATIONS_NAME
-from ....formats.untrusted.files import check_input
+from ....formats.untrusted.files import check_input, read_start
 from ...engine.work import Job, WorkItem, digest, work_item
 from .jobs import DatasetUnitJob, Kind, LayoutUnitJob, McapUnitJob, Options
 
 UNIT_STAGE = "unit"
+BAG_METADATA = "metadata.yaml"
+# Magic number, a header record's code and 8 bytes of length, the length of the profile, and it.
+ROS2_START = b"\x89MCAP0\r\n" + bytes(9) + b"\x04\x00\x00\x00ros2"
 LACKS_POSES = (
     "lacks the robot's poses and the times of its frames: it cannot be converted back; convert "
     "the run or dataset that it was written from"
@@ -64,12 +67,16 @@ def detect(path: Path) -> Source:
     """
     if not path.is_dir():
         check_input(path)
+        if path.suffix == ".db3" or is_ros2_file(path):
+            return Source(path, Kind.ROS2, path.resolve().stem)
         if path.suffix != ".mcap":
             raise FileFormatError(path, "neither a folder nor an .mcap file")
         return Source(path, Kind.MCAP, path.resolve().stem)
     name = path.resolve().name
     if (path / "meta" / "episodes").is_dir():
         return Source(path, Kind.LEROBOT, name)
+    if bag_paths(path):
+        return Source(path, Kind.ROS2, name)
     if any(path.glob("*.mcap")):
         return Source(path, Kind.MCAP, name)
     if is_layout(path):
@@ -81,7 +88,7 @@ def detect(path: Path) -> Source:
     raise FileFormatError(
         path,
         "nothing to convert; valid: a run, a folder of .mcap files, a LeRobot v3 dataset, "
-        "InternData-N1's VLN-PE layout",
+        "InternData-N1's VLN-PE layout, bags of ROS 2",
     )
 
 
@@ -108,6 +115,14 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
             episode = f"episode_{number:06d}"
             out = units / source.name / episode
             add(source.name, episode, seen, DatasetUnitJob(path, number, out))
+    elif source.kind is Kind.ROS2:
+        from .log_job import log_jobs  # needs an extra
+
+        for bag in bag_paths(path) or [path]:
+            files = [bag] if bag.is_file() else sorted(bag.iterdir())
+            for job in log_jobs(bag, units / source.name, source.name, options):
+                inputs = (_seen(files), job.span, job.joint_names, job.base_height_m)
+                add(source.name, job.out.name, inputs, job)
     else:
         scenes = find_scenes(path)
         scans = {scene.scan for scene in scenes}
@@ -122,6 +137,17 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
     if not groups:
         raise FileFormatError(source.path, "contains no episodes")
     return groups
+
+
+def bag_paths(folder: Path) -> list[Path]:
+    """Return a folder that is a bag of ROS 2, or the bags in it."""
+    found = [folder, *sorted(folder.iterdir())] if folder.is_dir() else []
+    return [path for path in found if (path / BAG_METADATA).is_file()]
+
+
+def is_ros2_file(path: Path) -> bool:
+    """Return whether an MCAP file says that ROS 2 wrote it."""
+    return path.suffix == ".mcap" and read_start(path, len(ROS2_START)).endswith(ROS2_START[-8:])
 
 
 def _layout_files(folder: Path, number: int) -> list[Path]:

@@ -21,6 +21,7 @@ from vlnpe.formats.convert.episodes import unit_from_mcap
 from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import Rollout
+from vlnpe.formats.lerobot import read_episode_unit
 from vlnpe.formats.mcap.episode import write_episode_mcap
 from vlnpe.formats.mcap.robot_links import robot_topics
 from vlnpe.formats.mcap.shown import map_topic
@@ -193,15 +194,13 @@ def test_images_are_those_of_the_frames(written: tuple[Path, Rollout, Path]) -> 
     folder, _, unit = written
     topics = read_bag(folder)
     seen = list(iterate_rgb_video(unit / "observation.images.rgb.mp4"))
-    from vlnpe.formats.lerobot import read_episode_unit
-
     depths = list(read_episode_unit(unit).depth_m(range(len(seen))))
     for k, (_, depth) in enumerate(topics["/camera/depth/image_raw"]):
         color = topics["/camera/color/image_raw/compressed"][k][1]
         assert color.format == "jpeg"
         image = cv2.imdecode(np.frombuffer(color.data, np.uint8), cv2.IMREAD_COLOR)
         difference = np.abs(image[..., ::-1].astype(int) - seen[k])
-        assert difference.mean() < 3
+        assert difference.mean() < 2
         assert (depth.encoding, depth.step, depth.is_bigendian) == ("16UC1", 2 * 96, 0)
         millimetres = np.frombuffer(depth.data, "<u2").reshape(depth.height, depth.width)
         np.testing.assert_allclose(millimetres / 1000, depths[k], atol=0.000501)

@@ -1,0 +1,303 @@
+"""Logs of robots, as bags that `rosbags` writes: resampled, and nothing invented."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+from tests.support.lerobot_data import write_unit
+from tests.support.rollouts import make_rollout
+from vlnpe.formats.convert.dataset import open_dataset
+from vlnpe.formats.convert.ros2_unit import unit_from_log
+from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
+from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.formats.lerobot.unit_rows import row_arrays
+from vlnpe.formats.ros2.resample import spans
+from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
+from vlnpe.formats.ros2.tracks import read_tracks
+from vlnpe.formats.video.mp4 import iterate_rgb_video
+from vlnpe.pipeline import cli
+
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+EPOCH_S = 1_790_000_000
+TOPICS = """
+odometry: /utlidar/robot_odom
+color: /camera/camera/color/image_raw
+depth: /camera/camera/aligned_depth_to_color/image_raw
+camera_info: /camera/camera/color/camera_info
+joints: /lowstate/joints
+command: /api/cmd_vel
+"""
+WIDTH, HEIGHT, FOCAL_PX = 64, 48, 40.0
+
+
+def make(kind: str, *values: Any, **fields: Any) -> Any:
+    return STORE.types[kind.replace("/", "/msg/")](*values, **fields)
+
+
+def position(time_s: float) -> np.ndarray:
+    return np.array([0.5 * time_s, 0.1 * np.sin(time_s), 0.3])
+
+
+def write_log(
+    path: Path,
+    *,
+    seconds: float = 6.0,
+    hole: tuple[float, float] | None = None,
+    behind_s: float = 0.0,
+    depth: str = "16UC1",
+    storage: StoragePlugin = StoragePlugin.MCAP,
+) -> None:
+    """Write odometry at 37 Hz, colour at 15 Hz, depth at 11 Hz, joints at 50 Hz, commands at 7 Hz.
+
+    Args:
+        hole: Seconds without colour.
+        behind_s: How far the camera's clock is behind the recorder's.
+    """
+
+    def header(time_s: float, frame: str, late: float = 0.0) -> Any:
+        at = round((EPOCH_S + time_s - late) * 1e9)
+        return make("std_msgs/Header", make("builtin_interfaces/Time", *divmod(at, 10**9)), frame)
+
+    messages: list[tuple[float, str, str, Any]] = []
+    still = make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
+    for time_s in np.arange(0, seconds, 1 / 37):
+        pose = make(
+            "geometry_msgs/Pose", make("geometry_msgs/Point", *position(time_s).tolist()), still
+        )
+        zero = make("geometry_msgs/Vector3", 0.0, 0.0, 0.0)
+        speed = make("geometry_msgs/Vector3", 0.5, 0.0, 0.0)
+        message = make(
+            "nav_msgs/Odometry",
+            header(time_s, "odom"),
+            "base_link",
+            make("geometry_msgs/PoseWithCovariance", pose, np.zeros(36)),
+            make(
+                "geometry_msgs/TwistWithCovariance",
+                make("geometry_msgs/Twist", speed, zero),
+                np.zeros(36),
+            ),
+        )
+        messages.append((time_s, "/utlidar/robot_odom", "nav_msgs/Odometry", message))
+    k = np.array([FOCAL_PX, 0, (WIDTH - 1) / 2, 0, FOCAL_PX, (HEIGHT - 1) / 2, 0, 0, 1])
+    info = make(
+        "sensor_msgs/CameraInfo",
+        header=header(0, "optical", behind_s),
+        height=HEIGHT,
+        width=WIDTH,
+        distortion_model="plumb_bob",
+        d=np.zeros(5),
+        k=k,
+        r=np.eye(3).ravel(),
+        p=np.zeros(12),
+        binning_x=0,
+        binning_y=0,
+        roi=make("sensor_msgs/RegionOfInterest", 0, 0, 0, 0, False),
+    )
+    messages.append((0.0, "/camera/camera/color/camera_info", "sensor_msgs/CameraInfo", info))
+    for time_s in np.arange(0, seconds, 1 / 15):
+        if hole is None or not hole[0] < time_s < hole[1]:
+            grey = np.full((HEIGHT, WIDTH, 3), round(40 * time_s), np.uint8)
+            size = HEIGHT, WIDTH, "bgr8", 0, 3 * WIDTH
+            image = make(
+                "sensor_msgs/Image", header(time_s, "optical", behind_s), *size, grey.ravel()
+            )
+            messages.append((time_s, "/camera/camera/color/image_raw", "sensor_msgs/Image", image))
+    topic = "/camera/camera/aligned_depth_to_color/image_raw"
+    for time_s in np.arange(0, seconds, 1 / 11) if depth else ():
+        metres, head = 1 + time_s / 4, header(time_s, "optical", behind_s)
+        if depth == "compressedDepth":
+            png = cv2.imencode(".png", np.full((HEIGHT, WIDTH), round(1000 * metres), np.uint16))[1]
+            data = np.concatenate([np.zeros(12, np.uint8), png.ravel()])
+            kind = "sensor_msgs/CompressedImage"
+            image = make(kind, head, "16UC1; compressedDepth png", data)
+        else:
+            whole = depth == "16UC1"
+            value = round(1000 * metres) if whole else metres
+            pixels = np.full((HEIGHT, WIDTH), value, np.uint16 if whole else np.float32)
+            kind = "sensor_msgs/Image"
+            size = HEIGHT, WIDTH, depth, 0, pixels.itemsize * WIDTH
+            image = make(kind, head, *size, pixels.reshape(-1).view(np.uint8))
+        messages.append((time_s, topic, kind, image))
+    for time_s in np.arange(0, seconds, 1 / 50):
+        joints = np.array([time_s, -time_s])
+        message = make(
+            "sensor_msgs/JointState",
+            header(time_s, ""),
+            ["a", "b"],
+            joints,
+            joints * 0 + 1,
+            np.empty(0),
+        )
+        messages.append((time_s, "/lowstate/joints", "sensor_msgs/JointState", message))
+    for number, time_s in enumerate(np.arange(0, seconds, 1 / 7)):
+        linear = make("geometry_msgs/Vector3", 0.1 * number, 0.0, 0.0)
+        zero = make("geometry_msgs/Vector3", 0.0, 0.0, 0.0)
+        message = make("geometry_msgs/Twist", linear, zero)
+        messages.append((time_s, "/api/cmd_vel", "geometry_msgs/Twist", message))
+    mount = make(
+        "geometry_msgs/TransformStamped",
+        header(0, "base_link"),
+        "optical",
+        make(
+            "geometry_msgs/Transform",
+            make("geometry_msgs/Vector3", 0.3, 0.0, 0.1),
+            make("geometry_msgs/Quaternion", -0.5, 0.5, -0.5, 0.5),
+        ),
+    )
+    static = make("tf2_msgs/TFMessage", [mount])
+    messages.append((0.0, "/tf_static", "tf2_msgs/TFMessage", static))
+    with Writer(path, version=8, storage_plugin=storage) as writer:
+        connections = {}
+        for time_s, topic, kind, message in sorted(messages, key=lambda m: m[0]):
+            full = kind.replace("/", "/msg/")
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, full, typestore=STORE)
+            at = round((EPOCH_S + time_s) * 1e9)
+            writer.write(connections[topic], at, STORE.serialize_cdr(message, full))
+
+
+def topic_map(root: Path, text: str = TOPICS) -> Path:
+    path = root / "topics.yaml"
+    path.write_text(text)
+    return path
+
+
+def convert(bag: Path, folder: Path, rate: int = 4) -> list[dict[str, Any]]:
+    """Return the rows of each episode of a log."""
+    topics = read_topic_map(topic_map(folder.parent))
+    tracks, result = read_tracks(bag, topics), []
+    for number, span in enumerate(spans(tracks, topics)):
+        out = folder / f"{number}"
+        unit_from_log(
+            bag,
+            tracks,
+            topics,
+            span,
+            out,
+            robot="dog",
+            joint_names=tracks.joint_names,
+            base_height_m=0.3,
+            rate=rate,
+            split="train",
+            instruction="",
+        )
+        unit = read_episode_unit(out)
+        images = list(iterate_rgb_video(unit.video("observation.images.rgb")))
+        depths = list(unit.depth_m(range(unit.length)))
+        rows = row_arrays(unit.rows())
+        result.append({**rows, "rgb": images, "depth": depths, "span": span, "unit": unit})
+    return result
+
+
+@pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize("depth", ["16UC1", "32FC1", "compressedDepth"])
+def test_topics_of_different_rates_meet_at_the_frames(
+    tmp_path: Path, depth: str, storage: StoragePlugin
+) -> None:
+    write_log(tmp_path / "log", depth=depth, storage=storage, behind_s=3600.0)
+    (rows,) = convert(tmp_path / "log", tmp_path / "units", 5)
+    times = np.arange(len(rows["timestamp"])) / 5
+    assert 5.7 < times[-1] < 6.0
+    expected = np.stack([position(t) for t in times]) - [0, 0, 0]
+    np.testing.assert_allclose(rows["observation.state"][:, :2], expected[:, :2], atol=2e-3)
+    np.testing.assert_allclose(rows["observation.state"][:, 2], 0.3, atol=1e-6)
+    np.testing.assert_allclose(rows["observation.camera_pose"][:, 2], 0.4, atol=1e-6)
+    last_joint = np.minimum(times, 5.98)
+    np.testing.assert_allclose(rows["observation.joints"][:, 0], last_joint, atol=1e-6)
+    held = 0.1 * np.floor(times * 7 + 1e-9)
+    np.testing.assert_allclose(rows["action.velocity"][:, 0], held, atol=1e-6)
+    for time_s, image, metres in zip(times, rows["rgb"], rows["depth"], strict=True):
+        assert abs(image.mean() - 40 * time_s) < 40 / 30 + 4  # half a frame of 15 Hz; the codec
+        assert abs(metres.mean() - 1 - time_s / 4) < 1 / 22 / 4 + 0.004  # half a frame of 11 Hz
+    assert "observation.imu" not in rows and "observation.foot_contact" not in rows
+
+
+def test_gaps_end_episodes(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", hole=(2.5, 4.0))
+    first, second = convert(tmp_path / "log", tmp_path / "units")
+    assert first["span"].stop_s <= 2.5 and second["span"].start_s >= 4.0
+    assert {len(rows["rgb"]) for rows in (first, second)} == {10, 8}
+
+
+def test_depth_that_is_missing_is_invalid(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", seconds=2.0, depth="")
+    (rows,) = convert(tmp_path / "log", tmp_path / "units")
+    assert not np.any(rows["depth"])
+
+
+def test_a_walk_comes_back(tmp_path: Path) -> None:
+    made = read_episode_unit(write_unit(tmp_path, make_rollout(3.0)))
+    ros2_from_unit(made.folder, tmp_path / "walk")
+    topics = TopicMap()
+    tracks = read_tracks(tmp_path / "walk", topics)
+    (span,) = spans(tracks, topics)
+    rows = row_arrays(made.rows())
+    unit_from_log(
+        tmp_path / "walk",
+        tracks,
+        topics,
+        span,
+        tmp_path / "back",
+        robot="aliengo",
+        joint_names=tracks.joint_names,
+        base_height_m=float(rows["observation.state"][0, 2]),
+        rate=4,
+        split="train",
+        instruction=tracks.instruction,
+    )
+    back = read_episode_unit(tmp_path / "back")
+    again = row_arrays(back.rows())
+    assert back.task == made.task
+    for key in ("observation.joints", "observation.imu", "action.velocity", "observation.progress"):
+        np.testing.assert_array_equal(again[key], rows[key])
+    for key in ("observation.state", "observation.camera_pose", "action"):
+        np.testing.assert_allclose(again[key], rows[key], atol=3e-6)
+    for a, b in zip(back.depth_m(range(13)), made.depth_m(range(13)), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("kept", [0.0, 0.5, 0.95])
+def test_damaged_bags_are_named(tmp_path: Path, kept: float) -> None:
+    write_log(tmp_path / "log", seconds=2.0)
+    file = tmp_path / "log" / "log.mcap"
+    data = file.read_bytes()
+    file.write_bytes(data[: int(kept * len(data))])
+    out = tmp_path / "out"
+    command = ["convert", str(tmp_path / "log"), "--robot", "dog", "--base-height-m", "0.3"]
+    command += ["--map", str(topic_map(tmp_path)), "--out", str(out)]
+    assert cli.main(command) == 2
+    assert not list(out.glob("lerobot/*"))
+    with pytest.raises(FileFormatError, match="log"):
+        read_tracks(tmp_path / "log", read_topic_map(tmp_path / "topics.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("odom: /odom", "unknown field 'odom'"),
+        ("max_gap_s: -1", "max_gap_s: -1.0; valid"),
+        ("end_reason: fine", "end_reason: 'fine'; valid"),
+        ("[1]", "not a mapping"),
+    ],
+)
+def test_invalid_maps_are_named(tmp_path: Path, text: str, reason: str) -> None:
+    with pytest.raises(FileFormatError, match=reason):
+        read_topic_map(topic_map(tmp_path, text))
+
+
+@pytest.mark.usefixtures("inline")
+def test_the_command_writes_a_dataset(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", hole=(2.5, 4.0))
+    (tmp_path / "text.txt").write_text("Walk straight on.\n")
+    command = ["convert", str(tmp_path / "log"), "--from", "ros2", "--robot", "dog"]
+    command += ["--base-height-m", "0.3", "--map", str(topic_map(tmp_path))]
+    command += ["--instruction", str(tmp_path / "text.txt"), "--out", str(tmp_path / "out")]
+    assert cli.main(command) == 0
+    opened = open_dataset(tmp_path / "out" / "lerobot" / "log")
+    assert len(opened.episodes) == 2
