@@ -121,9 +121,9 @@ def _motion(bag: Bag, rollout: Rollout, moved: Topic) -> Iterator[Write]:
     rotations = start.orientation(rollout.quat_wxyz)
     odometry = bag.topic("/odom", "nav_msgs/Odometry")
     joints = bag.topic("/joint_states", "sensor_msgs/JointState") if rollout.joint_names else None
-    known = np.isfinite(rollout.command).all(axis=1)
+    known = np.asarray(np.isfinite(rollout.command).all(axis=1))
     command = bag.topic("/cmd_vel", "geometry_msgs/Twist") if known.any() else None
-    sensed = np.isfinite(rollout.imu).all(axis=1)
+    sensed = np.asarray(np.isfinite(rollout.imu).all(axis=1))
     imu = bag.topic("/imu", "sensor_msgs/Imu") if sensed.any() else None
     for i, time_s in enumerate(rollout.time_s):
         at = nanoseconds(time_s)

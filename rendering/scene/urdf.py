@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from ...collectors.robots import RobotSpec
+from ...formats.core.arrays import Floats
 from ...formats.mcap.robot_links import CYLINDER, SPHERE, LinkShape
 from .link_shapes import body_shapes
 
@@ -30,7 +31,8 @@ def robot_urdf(robot: RobotSpec) -> str:
     root = model.body(robot.root_body).id
     document = ET.Element("robot", name=robot.name)
     names = {root: BASE_LINK}
-    shifts = {root: np.zeros(3)}  # URDF's links lie at their joint, MuJoCo's bodies need not
+    # URDF's links lie at their joint, MuJoCo's bodies need not.
+    shifts: dict[int, Floats] = {root: np.zeros(3)}
     for body in range(root, model.nbody):
         if model.body_rootid[body] != model.body_rootid[root]:
             continue
@@ -117,7 +119,7 @@ def _add_link(
     model: mujoco.MjModel,
     body: int,
     name: str,
-    shift_m: NDArray[np.float64],
+    shift_m: Floats,
     shapes: Sequence[LinkShape],
 ) -> None:
     link = ET.SubElement(document, "link", name=name)

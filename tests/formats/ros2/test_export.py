@@ -11,6 +11,7 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+from rosbags.interfaces import ConnectionExtRosbag2
 from rosbags.rosbag2 import Reader
 from scipy.spatial.transform import Rotation
 
@@ -129,7 +130,8 @@ def test_every_topic_is_there_once_at_its_rate(written: tuple[Path, Rollout, Pat
         durable = {
             c.topic
             for c in reader.connections
-            if c.ext.offered_qos_profiles[0].durability.value == 1
+            if isinstance(c.ext, ConnectionExtRosbag2)
+            and c.ext.offered_qos_profiles[0].durability.value == 1
         }
     assert durable == once
     information = yaml.safe_load((folder / "metadata.yaml").read_text())
@@ -199,6 +201,7 @@ def test_images_are_those_of_the_frames(written: tuple[Path, Rollout, Path]) -> 
         color = topics["/camera/color/image_raw/compressed"][k][1]
         assert color.format == "jpeg"
         image = cv2.imdecode(np.frombuffer(color.data, np.uint8), cv2.IMREAD_COLOR)
+        assert image is not None
         difference = np.abs(image[..., ::-1].astype(int) - seen[k])
         assert difference.mean() < 2
         assert (depth.encoding, depth.step, depth.is_bigendian) == ("16UC1", 2 * 96, 0)
@@ -231,6 +234,7 @@ def test_the_task_and_the_map(written: tuple[Path, Rollout, Path]) -> None:
     # As Nav2's map server reads it: the first row of the image is the farthest.
     facts = yaml.safe_load((folder / "map.yaml").read_text())
     pixels = cv2.imread(str(folder / facts["image"]), cv2.IMREAD_UNCHANGED)
+    assert pixels is not None
     occupied = (255 - np.flipud(pixels).astype(float)) / 255
     cells = np.where(occupied > facts["occupied_thresh"], 100, -1)
     cells[occupied < facts["free_thresh"]] = 0

@@ -66,7 +66,7 @@ def write_log(
 
     messages: list[tuple[float, str, str, Any]] = []
     still = make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    for time_s in np.arange(0, seconds, 1 / 37):
+    for time_s in np.arange(0, seconds, 1 / 37).tolist():
         pose = make(
             "geometry_msgs/Pose", make("geometry_msgs/Point", *position(time_s).tolist()), still
         )
@@ -100,7 +100,7 @@ def write_log(
         roi=make("sensor_msgs/RegionOfInterest", 0, 0, 0, 0, False),
     )
     messages.append((0.0, "/camera/camera/color/camera_info", "sensor_msgs/CameraInfo", info))
-    for time_s in np.arange(0, seconds, 1 / 15):
+    for time_s in np.arange(0, seconds, 1 / 15).tolist():
         if hole is None or not hole[0] < time_s < hole[1]:
             grey = np.full((HEIGHT, WIDTH, 3), round(40 * time_s), np.uint8)
             size = HEIGHT, WIDTH, "bgr8", 0, 3 * WIDTH
@@ -109,7 +109,7 @@ def write_log(
             )
             messages.append((time_s, "/camera/camera/color/image_raw", "sensor_msgs/Image", image))
     topic = "/camera/camera/aligned_depth_to_color/image_raw"
-    for time_s in np.arange(0, seconds, 1 / 11) if depth else ():
+    for time_s in np.arange(0, seconds, 1 / 11).tolist() if depth else ():
         metres, head = 1 + time_s / 4, header(time_s, "optical", behind_s)
         if depth == "compressedDepth":
             png = cv2.imencode(".png", np.full((HEIGHT, WIDTH), round(1000 * metres), np.uint16))[1]
@@ -124,7 +124,7 @@ def write_log(
             size = HEIGHT, WIDTH, depth, 0, pixels.itemsize * WIDTH
             image = make(kind, head, *size, pixels.reshape(-1).view(np.uint8))
         messages.append((time_s, topic, kind, image))
-    for time_s in np.arange(0, seconds, 1 / 50):
+    for time_s in np.arange(0, seconds, 1 / 50).tolist():
         joints = np.array([time_s, -time_s])
         message = make(
             "sensor_msgs/JointState",
@@ -135,7 +135,7 @@ def write_log(
             np.empty(0),
         )
         messages.append((time_s, "/lowstate/joints", "sensor_msgs/JointState", message))
-    for number, time_s in enumerate(np.arange(0, seconds, 1 / 7)):
+    for number, time_s in enumerate(np.arange(0, seconds, 1 / 7).tolist()):
         linear = make("geometry_msgs/Vector3", 0.1 * number, 0.0, 0.0)
         zero = make("geometry_msgs/Vector3", 0.0, 0.0, 0.0)
         message = make("geometry_msgs/Twist", linear, zero)
