@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import viser
 
 from ..formats.core.flags import FlagFile
@@ -77,7 +78,7 @@ class RunBrowser:
 
         for label, key in (("Robot", "robot"), ("Controller", "controller"), ("End", "outcome")):
             dropdown(label, key, (ALL, *sorted({getattr(e, key) for e in self.entries})))
-        longest = max(1.0, *(e.length_m for e in self.entries))
+        longest = float(np.ceil(max(1.0, *(e.length_m for e in self.entries))))
         length = gui.add_multi_slider("Length [m]", 0.0, longest, 0.1, (0.0, longest))
         length.on_update(lambda _: self._filter(length_m=tuple(length.value)))
         for label, key in (("Touched something", "touched"), ("Flagged only", "flagged")):
@@ -131,8 +132,7 @@ class RunBrowser:
 
     def _show_level(self, ceiling: bool) -> None:
         assert self._scene is not None
-        level = self._level if self._level < len(self._scene[1].lower) else None
-        self._scene[1].show(level, ceiling=ceiling)
+        self._scene[1].show(self._level, ceiling=ceiling)
 
     def _on_ghost(self, event: Any) -> None:
         if event.client is not None:

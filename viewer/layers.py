@@ -11,6 +11,7 @@ import viser
 from ..formats.core.arrays import Array, Mask
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
+from ..formats.splats.store import SPLATS_NAME
 from ..formats.untrusted.documents import read_json_object
 from .player import padded
 from .scene import Detail, add_scene
@@ -41,9 +42,12 @@ class SceneView:
         patched = (
             np.arange(len(mesh.faces)) >= before if before else np.zeros(len(mesh.faces), bool)
         )
-        self._scene = add_scene(server.scene, bundle, detail=detail, mesh=_part(mesh, ~patched))
+        splats = (bundle.root / SPLATS_NAME).is_file()  # shown as such; only patches are triangles
+        part = None if splats else _part(mesh, ~patched)
+        self._scene = add_scene(server.scene, bundle, detail=detail, mesh=part)
         self._patches = server.scene.add_frame("/patches", show_axes=False)
-        if patched.any():
+        self._patched = bool(patched.any())
+        if self._patched:
             part = _part(mesh, patched)
             add_scene(server.scene, bundle, "/patches/floor", detail, part).show(ceiling=True)
         self._holes: list[tuple[int, bool, Any]] = []
@@ -102,7 +106,9 @@ class SceneView:
     def _add_controls(self) -> None:
         gui, count = self.server.gui, len(self.bundle.level_floor_z_m)
         gui.main_panel.dock_right()
-        self._after = gui.add_slider("Before ↔ after", 0.0, 1.0, 0.02, 1.0)
+        self._after = gui.add_slider(
+            "Before ↔ after", 0.0, 1.0, 0.02, 1.0, disabled=not self._patched
+        )
         self._level = gui.add_dropdown("Level", ("all", *map(str, range(count))))
         boxes = ("Filled holes", False), ("Holes left open", True), ("Free map", False)
         self._boxes = {

@@ -116,9 +116,10 @@ def table_html(entries: Sequence[Entry], flagged: Collection[str], current: str)
             f"{entry.speed_m_s:.2f}",
             f"{entry.contacts} ×" if entry.contacts else "",
         )
+        wraps = ["overflow-wrap:anywhere", *["white-space:nowrap"] * (len(values) - 1)]
         row = "".join(
-            f"<td style='padding-right:0.5em;overflow-wrap:anywhere'>{html.escape(str(v))}</td>"
-            for v in values
+            f"<td style='padding-right:0.5em;{wrap}'>{html.escape(str(v))}</td>"
+            for v, wrap in zip(values, wraps, strict=True)
         )
         lines.append(f"<tr style='{bold}'>{row}</tr>")
     more = f"<p>… and {len(entries) - ROWS} more</p>" if len(entries) > ROWS else ""

@@ -60,7 +60,8 @@ class SceneNodes:
     faces_before: int
 
     def show(self, level: int | None = None, *, ceiling: bool = False) -> None:
-        """Show one storey, or all, with or without its ceiling."""
+        """Show one storey, or all, with or without its ceiling; splats have one for all levels."""
+        level = level if level in range(len(self.lower)) else None
         for k, (lower, upper) in enumerate(zip(self.lower, self.upper, strict=True)):
             lower.visible = level in (None, k)
             upper.visible = lower.visible and ceiling

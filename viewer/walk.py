@@ -115,4 +115,4 @@ class Walk:
             if span.start_sample <= sample < span.stop_sample:
                 return span.action.name.lower()
         forward, left, turn = self.rollout.command[sample]
-        return f"{forward:.2f} m/s ahead, {left:.2f} m/s left, {np.degrees(turn):.0f} °/s"
+        return f"{forward:z.2f} m/s ahead, {left:z.2f} m/s left, {np.degrees(turn):z.0f} °/s left"

@@ -9,6 +9,7 @@ import pytest
 pytest.importorskip("viser", reason="the extra `view` is not installed")
 
 import mujoco
+from viser import GaussianSplatHandle
 
 from tests.viewer.test_page import make_entry, make_walk
 from vlnpe.formats.core.errors import FileFormatError
@@ -19,6 +20,7 @@ from vlnpe.formats.splats.store import save_splats
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.stages.datasets.export_items import rows_to_export
 from vlnpe.rendering.scene.robot_body import RobotBody
+from vlnpe.viewer.layers import SceneView
 from vlnpe.viewer.library import Choice, chosen, outlier_scores, table_html
 from vlnpe.viewer.scene import WHITE_GAIN, Detail, add_scene, before_tone_mapping, simplified
 from vlnpe.viewer.server import LocalServer
@@ -107,6 +109,12 @@ def test_splats_are_shown_as_splats_the_least_visible_left_out(two_rooms, tmp_pa
         kept = nodes.lower[0].buffer.view(np.float32)[:, :3]
         np.testing.assert_allclose(np.sort(kept[:, 0]), np.sort(cloud.position[:300, 0]), atol=1e-6)
         assert server.request_share_url() is None  # no tunnel to the internet
+        nodes.show(0)
+        assert nodes.lower[0].visible
+        nodes.show(1)  # the splats of all levels are one node
+        assert nodes.lower[0].visible
+        view = SceneView(server, bundle)
+        assert isinstance(view._scene.lower[0], GaussianSplatHandle)
     finally:
         server.stop()
 
