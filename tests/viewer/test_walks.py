@@ -1,5 +1,6 @@
 """The list of walks: filters, outliers, poses, text parts; simplified scenes."""
 
+import shutil
 from dataclasses import replace
 from functools import partial
 
@@ -101,6 +102,7 @@ def test_splats_are_shown_as_splats_the_least_visible_left_out(two_rooms, tmp_pa
         opacity=np.full(count, 0.9, np.float32),
         harmonics=np.zeros((count, 1, 3), np.float32),
     )
+    shutil.copytree(two_rooms.root, tmp_path, dirs_exist_ok=True)
     bundle = replace(two_rooms, root=tmp_path)
     save_splats(tmp_path, cloud)
     server = LocalServer("splats")
