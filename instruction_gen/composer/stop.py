@@ -44,7 +44,8 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     if since_door_m <= _STEPS_INSIDE_M:
         return Event("stop_after", length, far_m=1.0)
     near = facts.goal_near_rooms
-    if len(near) == 1 and near[0] not in (v.room for v in visits):
+    alone = len(near) == 1 and visits[-1].beyond.count(near[0]) <= 1
+    if alone and near[0] not in (v.room for v in visits):
         return Event("stop_outside", length, B=names.name(near[0]))
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
