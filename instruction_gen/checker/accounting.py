@@ -10,7 +10,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 
-from ..language.claims import Step
+from ..language.claims import Claim, Step
 from ..language.clauses import verb_at
 from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
 from ..language.phrases import read_phrase
@@ -116,11 +116,11 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     if (len(told) == len(meant) and told != meant) or unsaid:
         way = ", ".join(told) or "nowhere"
         problems.append(f"the words turn {way}, the claims {', '.join(meant)}")
-    stops, ends = ([c.name for c in row if c.kind == "stop" and c.name]
+    stops, ends = ([c for c in row if c.kind == "stop" and c.name]
                    for row in (claims, step.claims))  # fmt: skip
-    for name in stops:
-        if ends and not any(_covers(end, name) for end in ends):
-            problems.append(f"no claim stops at the {name}")
+    for stop in stops:
+        if ends and not any(_ends(own, stop) for own in step.claims):
+            problems.append(f"no claim stops at the {stop.name}")
     told, meant = (
         [singular(c.name) for c in row if c.kind == "pass" and c.what == "thing"]
         for row in (claims, step.claims)
@@ -129,6 +129,15 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     if not other and told != meant and sorted(told) == sorted(meant):
         problems.append(f"the words pass {', '.join(told)}, the claims {', '.join(meant)}")
     return problems
+
+
+def _ends(own: Claim, read: Claim) -> bool:
+    """Return whether a claim says what the words say of the stop.
+
+    "In the kitchen by the fridge" may enter the room, "with the bed on your right" see the bed.
+    """
+    kinds = {"room": ("stop", "enter", "in")}.get(read.what, ("stop", "see" if read.side else ""))
+    return own.kind in kinds and _covers(own.name, read.name)
 
 
 def _after(tokens: Sequence[Token], k: int) -> str:

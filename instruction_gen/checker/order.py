@@ -126,6 +126,10 @@ class _Walk:
         mask, reason = self._find(claim)
         if reason:
             return reason
+        if claim.kind == "see" and any(c.kind == "stop" for c in self.claims[: self.index]):
+            mask = mask & (self.along >= self.ground.length_m - 1.0)
+            if not mask.any():
+                return f"the {claim.text or 'doorway'} is not in view where the path ends"
         self.last = [mask]
         owner = self.owners[self.index]
         if self.room is not None and self.room[0] != owner:

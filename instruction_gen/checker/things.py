@@ -24,6 +24,7 @@ _ONE_PLACE_M = 3.0  # things of a name that are met this close together may all 
 _VISIBLE_PIXELS = 12
 _SIDE_DEG = (8.0, 172.0)
 _CLEAR_SIDE_DEG = 25.0
+_BEHIND_DEG, _FRONT_DEG = 130.0, 75.0
 
 
 class Things:
@@ -46,6 +47,10 @@ class Things:
                 self.facing[n, k], self.open[n, k] = m.facing_deg, m.open
                 self.seen[n, k] = m.open or m.pixels >= _VISIBLE_PIXELS
         self.near_m = np.where(self.open | (self.distance <= _TOUCH_M), self.distance, np.inf)
+        front: Mask = (np.abs(self.bearing) <= _FRONT_DEG) & np.isfinite(self.distance)
+        behind = np.minimum(np.abs(self.bearing), np.abs(self.facing))[:, :1] >= _BEHIND_DEG
+        # What is behind at the start is beside nothing until the walker faces it.
+        self._behind: Mask = behind & ~np.logical_or.accumulate(front, axis=1)
         rooms = [facts.room_at(along) for along in self.along_m]
         own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
@@ -58,7 +63,7 @@ class Things:
         """Return where a thing is beside the walker, from place `since` on where it is."""
         abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
         abeam |= self.distance <= 0.3  # a rug that is walked over
-        near = (self.near_m <= PASS_M) & abeam & self._nearest()
+        near = (self.near_m <= PASS_M) & abeam & self._nearest() & ~self._behind
         if claim.side:  # ahead where it is never abeam
             ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
             near |= ahead & ~near.any(axis=1, keepdims=True)
@@ -76,6 +81,7 @@ class Things:
         mask = self.seen & (np.abs(self.bearing) <= 125.0)
         if claim.side in ("left", "right"):
             near = mask & (self.distance <= BESIDE_M) | (self.near_m <= PASS_M)
+            near &= ~self._behind
             near &= self._nearest() if claim.what == "thing" else True  # a door is walked up to
             return self._where(claim, near, "is never in view", since)
         mask = mask & (self.distance <= SEE_M) | (self.near_m <= PASS_M)

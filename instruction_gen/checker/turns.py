@@ -11,7 +11,7 @@ from .things import Mask, room_names
 
 CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
 _BEND_DEG = 28.0
-_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 88.0, 55.0, 125.0
+_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 55.0, 125.0
 _MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told

@@ -138,4 +138,5 @@ def _claim(record: Any) -> Claim:
             raise InputError(f"claim's {key} {value!r:.40}; valid: {_TYPES[key].__name__}")
     if "kind" not in record:
         raise InputError(f"claim {dict(record)!r:.80} has no kind; valid: {', '.join(KINDS)}")
-    return Claim(**record)
+    # Names are written as a sentence has them: "TV stand".
+    return Claim(**{k: v.lower() if isinstance(v, str) else v for k, v in record.items()})

@@ -14,7 +14,7 @@ from tests.instruction_gen.test_instruct import EAST, LEFT, facts_of
 from vlnpe.formats.core.errors import InputError
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import path_facts
-from vlnpe.instruction_gen.language.claims import claim_record, read_steps
+from vlnpe.instruction_gen.language.claims import Claim, claim_record, read_steps
 from vlnpe.instruction_gen.language.reader import read_text
 
 
@@ -281,6 +281,35 @@ def test_every_word_needs_a_claim(two_rooms, step, words, complaint):
     problems = check_text(said, ground, read_steps(changed)).problems
     assert any(complaint in problem for problem in problems), problems
     assert not check_text(said, ground, read_steps(GOOD)).ok  # other words than the steps'
+
+
+def test_a_stop_is_said_by_claims_of_its_place(two_rooms):
+    ground = Ground(facts_of(LEFT, two_rooms))
+    claims = [
+        {"kind": "turn", "side": "left"},
+        {"kind": "enter", "what": "room", "name": "Kitchen"},
+        {"kind": "stop", "what": "thing", "name": "Table"},
+    ]
+    text = "Turn left and wait in the kitchen by the table."
+    steps = read_steps([{"words": text, "claims": claims}])
+    assert check_text(text, ground, steps).problems == ()
+    lie = text.replace("kitchen", "bathroom")
+    assert not check_text(lie, ground, read_steps([{"words": lie, "claims": claims}])).ok
+
+
+def test_what_is_behind_at_the_start_is_beside_nothing(villa):
+    checked = 0
+    for ground in villa:
+        for n, mark in enumerate(ground.facts.landmarks):
+            off = min(abs(ground.bearing[n, 0]), abs(ground.facing[n, 0]))
+            if ground.near_m[n, 0] > 3.0 or off < 135.0 or mark.count > 1:
+                continue
+            for side in ("left", "right"):
+                claim = Claim("see", "thing", mark.noun, side=side)
+                for mask, _ in (ground.seen_at(claim), ground.passed(claim)):
+                    assert not mask[:3].any()
+                    checked += 1
+    assert checked
 
 
 @pytest.mark.parametrize(
