@@ -1,13 +1,15 @@
 """Truths and lies written one by one: python -m benchmarks.instructions.blind [--half sealed]
 
-The parts `blind` and `blind2` of the corpus: texts in three voices, written from facts by one who
-knew the checker. Half of `blind` was sealed while the checker was worked on and corrected after it
-was opened; `blind2`, the half `second`, was written and measured after that. Printed are the lies
-caught and the truths refused, with 95 % intervals, of texts alone and of texts with claims:
+Texts in three voices. The parts `unseen_open` and `unseen_sealed` of the corpus were written from
+facts and maps by three writers who had seen none of the code, and come with claims; `blind` and
+`blind2` by one who knew the checker. Half of each was sealed while the checker was worked on
+(`blind` was corrected after it was opened; `blind2`, the half `second`, was written after that).
+Printed are the lies caught and the truths refused, with 95 % intervals, of texts alone and of texts
+with claims:
 
 - `alone`: claims are read from the text.
 - `with claims`: each sentence comes with what it claims, as one who lies in both would deliver it.
-- `true claims`: a lie planted in the words of a true text, beside the true claims.
+- `true claims`: the words lie beside true claims.
 """
 
 import argparse
@@ -30,7 +32,7 @@ from vlnpe.instruction_gen.language.reader import read_text
 from .corpus import Entry, read_corpus
 from .lies import KINDS
 
-HALVES = ("open", "sealed", "second")
+HALVES = ("open", "sealed", "second", "unseen_open", "unseen_sealed")
 TRUE = "true"
 _SENTENCE = re.compile(r"[^.!?]+[.!?]+")
 _Z = 1.96
@@ -38,6 +40,8 @@ _Z = 1.96
 
 def half_of(entry: Entry, text: str) -> str:
     """Return the half that a text of a path belongs to."""
+    if entry.part.startswith("unseen"):
+        return entry.part
     if entry.part == "blind2":
         return "second"
     return HALVES[hashlib.sha256(text.encode()).digest()[0] % 2]
@@ -51,8 +55,10 @@ def written(entries: Sequence[Entry], half: str) -> Iterator[tuple[Entry, str, s
         yield from ((entry, kind, text) for kind, text in texts if half_of(entry, text) == half)
 
 
-def delivered(text: str) -> list[Step]:
-    """Return the sentences of a text with what they claim."""
+def delivered(entry: Entry, text: str) -> Sequence[Step]:
+    """Return the sentences of a text with its writer's claims, else with those that are read."""
+    if text in entry.claims:
+        return entry.claims[text]
     read = read_text(text)
     result = []
     for found in _SENTENCE.finditer(text):
@@ -79,7 +85,7 @@ def tables(entries: Sequence[Entry], half: str) -> dict[str, Any]:
     wrong: list[list[Any]] = []
     for entry, kind, text in written(entries, half):
         total[kind] += 1
-        for way, steps in (("alone", []), ("with claims", delivered(text))):
+        for way, steps in (("alone", []), ("with claims", delivered(entry, text))):
             verdict = check_text(text, entry.ground, steps)
             counts[way][kind] += not verdict.ok
             if verdict.ok == (kind != TRUE):
@@ -101,8 +107,11 @@ def _planted(entries: Sequence[Entry], half: str) -> dict[str, str]:
     rng = np.random.default_rng(0)
     caught, total = Counter[str](), Counter[str]()
     for entry, kind, text in written(entries, half):
-        steps = delivered(text)
-        if kind != TRUE or not check_text(text, entry.ground, steps).ok:
+        if text in entry.true_claims:
+            total[kind] += 1
+            caught[kind] += not check_text(text, entry.ground, entry.true_claims[text]).ok
+        steps = delivered(entry, text)
+        if entry.claims or kind != TRUE or not check_text(text, entry.ground, steps).ok:
             continue
         for name, lie in KINDS.items():
             false = lie(text, entry.ground.facts, rng) or text
@@ -121,7 +130,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--half", choices=HALVES, action="append")
     options = parser.parse_args()
-    entries = read_corpus(Path("none"), None, ("blind", "blind2"))
+    entries = read_corpus(Path("none"), None, ("blind", "blind2", "unseen_open", "unseen_sealed"))
     result = {half: tables(entries, half) for half in options.half or HALVES}
     sys.stdout.write(json.dumps(result, indent=1, ensure_ascii=False) + "\n")
 

@@ -25,6 +25,9 @@ Parts, in the order in which they were written:
   plans of the buildings.
 - `blind`: truths and lies in three voices about two apartments and two villas, see `blind.py`;
   `blind2` likewise about paths of three older buildings, after the corrections to `blind`.
+- `unseen_open`, `unseen_sealed`: truths and lies with their claims in three voices about an
+  apartment, a villa, a house and an office, by three writers who had seen none of the code. The
+  checker was corrected with the first half; the second was measured once, after that.
 - `model`, `sealed_model`: by a large language model that answered the requests of `--writer llm`
   about six apartments and two villas, those that passed at the first try. The checker and the
   facts that are sent were worked on with what was refused of the first half.
@@ -35,7 +38,7 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +50,7 @@ from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.formats.scene.visibility import Visibility
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
+from vlnpe.instruction_gen.language.claims import Step, read_steps
 from vlnpe.pipeline.stages.instructions.visibility import StandingEye, look
 
 from .buildings import building
@@ -57,8 +61,10 @@ FOLDER = Path(__file__).parent / "corpus"
 PARTS = (
     *("earlier", "tuning", "held_out", "later"),
     *("fresh", "last", "voices", "sealed", "sealed2", "sealed3", "announced", "sealed4"),
-    *("sealed5", "sealed6", "blind", "blind2", "model", "sealed_model"),
+    *("sealed5", "sealed6", "blind", "blind2", "unseen_open", "unseen_sealed"),
+    *("model", "sealed_model"),
 )
+KIND_NAMES = ("apartment", "villa", "house", "office")
 
 
 @dataclass(frozen=True)
@@ -71,6 +77,8 @@ class Entry:
         ground: its facts.
         texts: true ones.
         lies: false ones, each with its `kind`, `voice` and `text`.
+        claims: by text, the steps that its writer delivered, if he did.
+        true_claims: by lie, the same words with claims as they would be without the lie.
     """
 
     name: str
@@ -78,6 +86,8 @@ class Entry:
     ground: Ground
     texts: tuple[str, ...]
     lies: tuple[dict[str, str], ...] = ()
+    claims: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
+    true_claims: Mapping[str, tuple[Step, ...]] = field(default_factory=dict)
 
 
 def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> list[Entry]:
@@ -97,10 +107,13 @@ def read_corpus(scenes: Path, scans: Path | None, parts: tuple[str, ...]) -> lis
         if not paths:
             continue
         scene, source = scenes / file.stem, document["scene"]
-        kind = next((kind for kind in ("apartment", "villa") if kind in source), "")
+        kind = next((kind for kind in KIND_NAMES if kind in source), "")
         present = (scene / "scene.json").is_file()
         if kind and not present:
-            result += _entries(scene.name, paths, {0: building(kind, source[kind])})
+            ground_floor = [p for p in paths if p["level"] == 0]
+            if len(ground_floor) < len(paths):
+                sys.stderr.write(f"{file.stem}: paths upstairs need the scene, left out\n")
+            result += _entries(scene.name, ground_floor, {0: building(kind, source[kind])})
         elif present or _build(scene, source, scans):
             bundle = load_bundle(scene)
             levels = {n: LevelFacts.of(bundle, n) for n in {p["level"] for p in paths}}
@@ -137,6 +150,10 @@ def _entries(
             Ground(path_facts(episode, levels[episode.level], sight)),
             tuple(path["texts"]),
             tuple(path.get("lies", ())),
+            *(
+                {text: read_steps(steps) for text, steps in path.get(key, {}).items()}
+                for key in ("claims", "true_claims")
+            ),
         )
         for path, episode in zip(paths, episodes, strict=True)
     ]
