@@ -10,7 +10,7 @@ import numpy as np
 import viser
 from viser import uplot
 
-from ..formats.core.arrays import Array, Floats
+from ..formats.core.arrays import Array
 from ..formats.core.rollout import REST_EVENT, STATE_RATE_HZ, Event
 from .robot import RobotNodes
 from .walk import Walk
@@ -351,10 +351,10 @@ _AXES = (
 )
 
 
-def _curve_data(walk: Walk | None) -> tuple[Floats, ...]:
+def _curve_data(walk: Walk | None) -> tuple[Array, ...]:
     """Return time, speed, tilt, and 1 at events, at 20 Hz."""
     if walk is None:
-        return (np.arange(2.0), np.zeros(2), np.zeros(2), np.zeros(2))
+        return (np.array([0.0, 1.0]), np.zeros(2), np.zeros(2), np.zeros(2))
     every = slice(None, None, 5)
     time_s = walk.rollout.time_s[every]
     marks = np.zeros(len(time_s))

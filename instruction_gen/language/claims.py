@@ -139,4 +139,5 @@ def _claim(record: Any) -> Claim:
     if "kind" not in record:
         raise InputError(f"claim {dict(record)!r:.80} has no kind; valid: {', '.join(KINDS)}")
     # Names are written as a sentence has them: "TV stand".
-    return Claim(**{k: v.lower() if isinstance(v, str) else v for k, v in record.items()})
+    lower: dict[str, Any] = {k: v.lower() if isinstance(v, str) else v for k, v in record.items()}
+    return Claim(**lower)

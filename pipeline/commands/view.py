@@ -14,7 +14,7 @@ from ...formats.core.flags import FlagFile
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
 from ..inputs.walks import entries_of, run_of
 from ..options.view import View
-from ..summary import print_result
+from ..summary import has_display, print_result
 
 if TYPE_CHECKING:
     from ...viewer.player import Player
@@ -44,7 +44,7 @@ def run(options: View) -> int:
             )
         print_result(options, {"url": server.url}, f"{what} at {server.url}")
         sys.stdout.flush()
-        if options.open:
+        if options.open and has_display():
             webbrowser.open(server.url)
         with contextlib.suppress(KeyboardInterrupt):
             threading.Event().wait()

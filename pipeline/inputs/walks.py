@@ -70,7 +70,8 @@ def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: str) -> 
     robot, controller, episode = row.item.split("/", 2)
     own: list[Path] = []
     if not evaluation:
-        own = sorted((root / "frames" / robot / controller).glob(f"ego-*/{episode}"))
+        views = root / "frames" / robot / controller
+        own = [p for kind in ("ego", "rig") for p in sorted(views.glob(f"{kind}-*/{episode}"))]
     name = f"{evaluation}: {row.item}" if evaluation else row.item
     frames = own[0] if own else None
     load = partial(_walk, name, ledger.root / row.outputs[0], root, frames, seen)

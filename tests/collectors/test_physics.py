@@ -32,6 +32,7 @@ class Limp:
 
     def __init__(self, robot: RobotSpec) -> None:
         self._target = robot.default_joint_rad
+        self.memory = ()
 
     def reset(self) -> None: ...
 

@@ -98,7 +98,7 @@ def test_splats_are_shown_as_splats_the_least_visible_left_out(two_rooms, tmp_pa
     cloud = GaussianCloud(
         position=rng.uniform(0, 3, (count, 3)).astype(np.float32),
         scale=scale,
-        quat_wxyz=np.tile(np.float32([1, 0, 0, 0]), (count, 1)),
+        quat_wxyz=np.tile(np.array([1, 0, 0, 0], np.float32), (count, 1)),
         opacity=np.full(count, 0.9, np.float32),
         harmonics=np.zeros((count, 1, 3), np.float32),
     )
@@ -108,7 +108,9 @@ def test_splats_are_shown_as_splats_the_least_visible_left_out(two_rooms, tmp_pa
     server = LocalServer("splats")
     try:
         nodes = add_scene(server.scene, bundle, detail=Detail(splats=300))
-        kept = nodes.lower[0].buffer.view(np.float32)[:, :3]
+        splats = nodes.lower[0]
+        assert isinstance(splats, GaussianSplatHandle)
+        kept = splats.buffer.view(np.float32)[:, :3]
         np.testing.assert_allclose(np.sort(kept[:, 0]), np.sort(cloud.position[:300, 0]), atol=1e-6)
         assert server.request_share_url() is None  # no tunnel to the internet
         nodes.show(0)

@@ -25,7 +25,7 @@ from .replay_job import Walker
 STAGE = "drive"
 SUFFIX = ".drive"
 CONTROLLERS = {"velocity": "path", "discrete": "speed"}  # whose place the person takes
-SUCCESS_M = 1.0  # from a robot's camera nobody sees within 0.25 m where a goal is
+SUCCESS_M = 1.0  # a person aims at what a text names, not at a point
 
 
 @dataclass(frozen=True)

@@ -126,7 +126,7 @@ def test_a_failed_run_says_what_its_folder_keeps_and_it_is_reused(tmp_path, monk
         (("--scene", "builtin-exct:villa*3"), "(did you mean builtin-exact?): no such file"),
         (("--scene", "builtin:ofice"), "(did you mean office?); valid: apartment"),
         (("--robot", "vlnce", "--controller", "path"), "flash"),
-        (("--camera", "rear"), "unknown camera 'rear'; valid: chase, ego, top"),
+        (("--camera", "rear"), "unknown camera 'rear'; valid: chase, ego, rig:125cm_30deg"),
         (("--light", "disco"), "baked"),
         (("--episodes", "0"), "--episodes 0"),
         (("--episodes", "none.json.gz"), "none.json.gz"),

@@ -94,7 +94,7 @@ def test_drives_are_rollouts_like_any_other(driven: Path, tmp_path: Path) -> Non
         assert done.returncode == 0, done.stderr
 
 
-def test_the_report_and_a_mixture_take_them(driven: Path, tmp_path: Path) -> None:
+def test_the_chain_and_the_report_take_them(driven: Path, tmp_path: Path) -> None:
     done = tiny_run.vlnpe("report", driven)
     assert done.returncode == 0, done.stderr
     page = (driven / "report" / "index.html").read_text()

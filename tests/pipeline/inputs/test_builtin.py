@@ -7,7 +7,7 @@ import pytest
 from vlnpe.apartments import BUILDINGS
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.collect.command import Collect, _sources, run
+from vlnpe.pipeline.collect.command import Collect, run, sources_of
 from vlnpe.pipeline.inputs.builtin import BuiltIn, parse_builtin
 from vlnpe.pipeline.stages.scenes import items as scene_items
 
@@ -66,7 +66,7 @@ def test_built_in_scenes_can_be_listed_each_with_its_first_seed() -> None:
     ],
 )
 def test_one_kind_of_building_is_as_many_as_a_preset_needs(scene, preset, first, count) -> None:
-    found = list(_sources(Collect(scene=scene, seed=3), [], preset))
+    found = list(sources_of(Collect(scene=scene, seed=3), [], preset))
     assert found[0] == first
     assert len(found) == count
 
