@@ -203,7 +203,6 @@ def test_a_misspelt_option_suggests_the_closest(
     [
         (["repair"], "repair: SCAN is missing"),
         (["align", "a.json.gz"], "align: --scenes is missing"),
-        (["convert", "data"], "convert: --to is missing"),
         (["convert", "--to=mcap"], "convert: SOURCE is missing"),
         (["push"], "push: DATASET and --repo are missing"),
         (["restore", "data", "--json"], "restore: --original is missing"),
