@@ -179,7 +179,7 @@ def test_without_the_token_or_from_elsewhere_nothing_is_served(open_page: str) -
     [
         (("--robot", "vlnce"), "vlnce has no joints to drive"),
         (("--robot", "h1,g1"), "one robot"),
-        (("--actions", "jump"), "valid: velocity, discrete"),
+        (("--actions", "jump"), "valid: discrete, velocity"),
         (("--episodes", "nowhere"), "nowhere"),
         (("--split", "train"), "needs --episodes"),
         (("--light", "all"), "one light"),
