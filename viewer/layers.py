@@ -13,7 +13,7 @@ from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from ..formats.splats.store import SPLATS_NAME
 from ..formats.untrusted.documents import read_json_object
-from .player import padded
+from .panel import padded
 from .scene import Detail, add_scene
 
 FILLED, LEFT = (40, 170, 80), (220, 50, 50)

@@ -4,7 +4,8 @@ import html
 
 import viser
 
-from .player import HIGHLIGHT, Player
+from .panel import HIGHLIGHT
+from .player import Player
 from .server import NAMES
 
 FRAME = 5  # samples between recorded poses: 20 Hz

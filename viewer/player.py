@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import viser
-from viser import uplot
 
 from ..formats.core.arrays import Array
-from ..formats.core.rollout import REST_EVENT, STATE_RATE_HZ, Event
+from ..formats.core.rollout import REST_EVENT, STATE_RATE_HZ
+from .panel import AXES, SCALES, SERIES, curve_data, events_html, padded, text_html
 from .robot import RobotNodes
 from .walk import Walk
 
@@ -25,7 +25,6 @@ FRUSTUM_M = 0.35
 APART_M = 0.8  # of labels of events
 PICTURE_PX = 256  # smaller ones are enlarged
 SPEEDS = ("0.25×", "0.5×", "1×", "2×", "4×")
-HIGHLIGHT = "background:#ffe066;color:#000;padding:1px 2px;border-radius:3px"
 
 
 class Player:
@@ -72,7 +71,7 @@ class Player:
         self._status = gui.add_html("")
         self._picture = gui.add_image(np.zeros((8, 8, 3), np.uint8), visible=False)
         self._curves = gui.add_uplot(
-            _curve_data(None), series=_SERIES, axes=_AXES, scales=_SCALES, height=130
+            curve_data(None), series=SERIES, axes=AXES, scales=SCALES, height=130
         )
         self._events = gui.add_html("")
         keys: list[tuple[str, Any, Callable[[], None]]] = [
@@ -111,8 +110,8 @@ class Player:
             self._nodes = self._add_lines(walk, ghosts)
             self._frustum = self._add_frustum(walk)
             self._time.max = max(0.01, float(walk.rollout.time_s[-1]))
-            self._curves.data = _curve_data(walk)
-            self._events.content = _events_html(walk)
+            self._curves.data = curve_data(walk)
+            self._events.content = events_html(walk)
             self._picture.visible = walk.shots is not None
             self._play.label = "Play"
         self.go_to(0)
@@ -288,26 +287,6 @@ class Player:
                     self.pause()
 
 
-def text_html(walk: Walk, part: int) -> str:
-    """Return the instruction, with the part that is followed marked."""
-    current = walk.parts[0][part]
-    words = [html.escape(p) for p in walk.all_parts]
-    marked = [
-        f"<mark style='{HIGHLIGHT}'>{w}</mark>" if p == current and len(words) > 1 else w
-        for p, w in zip(walk.all_parts, words, strict=True)
-    ]
-    end = walk.rollout.end_reason
-    color = "#2b8a3e" if end == "success" else "#c92a2a"
-    title = f"{html.escape(walk.name)} · <b style='color:{color}'>{html.escape(end)}</b>"
-    return padded(f"<small>{title}</small><br>{' '.join(marked)}")
-
-
-def padded(content: str) -> str:
-    """Return HTML for the panel, which has no margins of its own."""
-    style = "padding:0.2em 0.8em;font-size:0.88em;overflow-wrap:anywhere"
-    return f"<div style='{style}' role='status'>{content}</div>"
-
-
 def _places(walk: Walk) -> list[tuple[Array, str]]:
     """Return where (3,) [m] events were, those of one place together, with their kinds."""
     places: list[tuple[Array, list[str]]] = []
@@ -322,45 +301,6 @@ def _places(walk: Walk) -> list[tuple[Array, str]]:
             places.append((at, kinds := []))
         kinds.append(event.kind)
     return [(at, ", ".join(dict.fromkeys(kinds))) for at, kinds in places]
-
-
-def _event_name(event: Event) -> str:
-    return f"{event.kind}: {event.detail}" if event.detail else event.kind
-
-
-def _events_html(walk: Walk) -> str:
-    rows = "".join(
-        f"<tr><td style='text-align:right;padding-right:0.6em'>{e.time_s:.2f} s</td>"
-        f"<td>{html.escape(_event_name(e))}</td></tr>"
-        for e in walk.rollout.events
-    )
-    return padded(f"<table><caption>Events</caption>{rows}</table>")
-
-
-_SERIES = (
-    uplot.Series(label="s"),
-    uplot.Series(label="speed m/s", stroke="#1c7ed6", width=1.5, scale="y"),
-    uplot.Series(label="tilt °", stroke="#e8590c", width=1.5, scale="tilt"),
-    uplot.Series(label="event", stroke="#c92a2a", width=1, scale="mark"),
-)
-_SCALES = {"x": uplot.Scale(time=False)}
-_AXES = (
-    uplot.Axis(),
-    uplot.Axis(scale="y", size=34),
-    uplot.Axis(scale="tilt", side=1, size=34),
-)
-
-
-def _curve_data(walk: Walk | None) -> tuple[Array, ...]:
-    """Return time, speed, tilt, and 1 at events, at 20 Hz."""
-    if walk is None:
-        return (np.array([0.0, 1.0]), np.zeros(2), np.zeros(2), np.zeros(2))
-    every = slice(None, None, 5)
-    time_s = walk.rollout.time_s[every]
-    marks = np.zeros(len(time_s))
-    for event in walk.rollout.events:
-        marks[min(len(marks) - 1, round(event.time_s * 20))] = 1
-    return time_s, walk.speed_m_s[every], walk.tilt_deg[every], marks
 
 
 def _ground(walk: Walk) -> Array:

@@ -76,7 +76,7 @@ class EpisodeRun:
     Attributes:
         tick: samples since the start; the time is `tick / STATE_RATE_HZ`.
         command: the one in force.
-        on_decision: is told of each decision of the controller, with its tick, before the robot
+        on_decision: called with the tick and each decision of the controller, before the robot
             obeys.
     """
 

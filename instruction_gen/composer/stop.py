@@ -72,7 +72,7 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
     side = "left" if bearing_deg > 0 else "right"
     options: list[Event] = []
     before = moment_at(mark, facts.length_m - _COMES_M)
-    # "When the sofa is on your right" tells nothing to whom it was there all along.
+    # "When the sofa is on your right" says nothing if the sofa was there all along.
     if near and 55.0 < abs(bearing_deg) < 125.0 and before and abs(before.bearing_deg) < 40.0:
         options.append(replace(event, kind="stop_side", s=side))
     if names.rng.random() < taste.more:

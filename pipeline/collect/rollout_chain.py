@@ -117,7 +117,7 @@ def export_walks(
     product: Product,
     facts: Mapping[str, Any],
 ) -> None:
-    """Walk the episodes; render and export each view.
+    """Make the walks; render and export each view.
 
     Args:
         walks: items of the replay stage, one of each episode.
