@@ -1,4 +1,4 @@
-"""`vlnpe robots`: list robots, render them, export one as a template, and import a URDF."""
+"""`vlnpe robots`: list robots, render, export and import them, and write cards for deployment."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -14,14 +14,17 @@ Output = tuple[dict[str, object], list[str]]  # values for --json, and lines
 
 
 def run_robots(options: Robots) -> int:
-    """List robots, render one, export one, or import one; return 2 if a named one is unusable."""
-    if sum(o is not None for o in (options.view, options.export, options.import_)) > 1:
-        raise InputError("--view, --export and --import cannot be combined")
+    """List robots, or render, export or import one; return 2 if a named one is unusable."""
+    chosen = (options.view, options.export, options.card, options.import_)
+    if sum(option is not None for option in chosen) > 1:
+        raise InputError("--view, --export, --card and --import cannot be combined")
     unusable = False
     if options.view is not None:
         facts, lines = _view(get_robot(options.view), options.out or Path())
     elif options.export is not None:
         facts, lines = _export(get_robot(options.export), options.out)
+    elif options.card is not None:
+        facts, lines = _card(get_robot(options.card), options.out)
     elif options.import_ is not None:
         facts, lines = _import(options.import_, options.out)
     else:
@@ -80,6 +83,24 @@ def _export(robot: RobotSpec, out: Path | None) -> Output:
     exported = export_robot(robot, out.resolve(), files)
     line = f"{out}: {exported.title} as a folder; use it as --robot {out}"
     return {"robot": exported.name}, [line]
+
+
+def _card(robot: RobotSpec, out: Path | None) -> Output:
+    from ...collectors.locomotion.contract import write_deployment
+
+    if robot.drive is not None or not robot.joints:
+        raise InputError(f"{robot.name} does not walk: it has no gait, and no card")
+    if out is None:
+        raise InputError("--card requires --out, a folder")
+    card = write_deployment(robot, out)
+    sdk = card["deployment"]["sdk"]
+    lines = [f"{out / robot.name}.json: the card; network and a recorded walk lie beside it"]
+    if sdk is None:
+        lines.append(f"no motor indices of {robot.name} are known; add them to the card")
+    else:
+        lines.append(f"motors as in {sdk['sdk']}, {sdk['message']}")
+        lines += [f"not confirmed: {each}" for each in sdk["unconfirmed"]]
+    return card, lines
 
 
 def _import(urdf: Path, out: Path | None) -> Output:

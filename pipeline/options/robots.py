@@ -15,6 +15,7 @@ class Robots(Printing):
 
     Robots given by name are described in full. `--view h1` writes a turntable image and a walking
     film strip; `--export aliengo` writes a robot as a folder, as a template for your own;
+    `--card h1` writes its gait and the card that another program needs to run it;
     `--import robot.urdf` writes a URDF as one and lists the values that you must add
     (docs/reference/robots.md).
     """
@@ -25,8 +26,10 @@ class Robots(Printing):
     """Write images of this robot to --out."""
     export: str | None = None
     """Write this robot as a folder to --out."""
+    card: str | None = None
+    """Write this robot's gait, its card for deployment and a recorded walk to --out."""
     import_: Annotated[Path | None, tyro.conf.arg(name="import")] = None
     """Write this URDF as a robot folder to --out."""
     out: Path | None = None
-    """Output folder of the images for --view (default: the current folder), or of the robot for
-    --export and --import."""
+    """Output folder of the images for --view (default: the current folder), or of the robot or
+    card for --export, --card and --import."""

@@ -1,0 +1,1 @@
+"""The gaits in another physics engine."""
