@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from torch.nn.utils.rnn import PackedSequence, pack_padded_sequence
 from torch.utils.data import Dataset
 
-from ..formats.core.errors import InputError
+from ..formats.core.errors import FileFormatError, InputError
 from ..formats.core.rollout import DAGGER, DISCRETE_RATE_HZ
 from ..formats.rendered.discrete_steps import discrete_steps
+from ..formats.rendered.table import EXECUTED, LABEL
 from .episode_reader import EpisodeReader
 from .instructions import OWN_TEXT, InstructionChoice
 from .poses import future_poses, motions, planar_poses, relative
@@ -68,16 +69,17 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
     | depth | float32 (T, 1, H, W) | planar z [m], 0 = invalid |
     | tokens | int64 (L) | the instruction, see `tokens` |
     | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; STOP is the last and no other |
-    | previous_action | int64 (T) | 0 at the first step and where it is not recorded (in walks of
-      DAgger, whose actions are not the labels), else 1 + the action before |
-    | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
-      the first step), else 1 |
+    | previous_action | int64 (T) | 0 at the first step, else 1 + the action executed before (in
+      walks of DAgger not always the label) |
+    | weight | float32 (T) | inflection weight: the coefficient where the action differs from the
+      one executed before (and at the first step), else 1 |
     | progress | float32 (T) | 0 … 1 |
     | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next step, in this step's frame |
     | pose | float32 (T, 3) | x, y [m], yaw [rad] relative to the first frame |
     | waypoints | float32 (T, F, 3) | x, y [m], yaw [rad] of the F = `future` steps behind each,
       seen from it; the last pose is repeated behind the end |
-    | waypoint_valid | bool (T, F) | false behind the end |
+    | waypoint_valid | bool (T, F) | false behind the end, and in walks of DAgger, whose motion is
+      not the expert's |
     | length | int64 () | T |
     | cut | bool () | whether the episode goes on |
     | uid, robot | str | which episode, and whose |
@@ -95,6 +97,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         Raises:
             InputError: the datasets' frame rates differ, or, with `every_frame`, they have no
                 discrete actions (4 frames/s have them).
+            FileFormatError: walks of DAgger lack the executed actions.
         """
         rate = check_frame_rate(selection.datasets)
         if config.every_frame and rate != DISCRETE_RATE_HZ:
@@ -102,6 +105,13 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
                 f"{selection.datasets[0].root}: {rate} frames/s have no discrete actions; "
                 f"valid: {DISCRETE_RATE_HZ}"
             )
+        for index in selection.datasets:
+            if DAGGER in index.labels("controller") and EXECUTED not in index.shapes:
+                raise FileFormatError(
+                    index.root,
+                    f"lacks {EXECUTED}, for an older version recorded it; run `vlnpe dagger` with "
+                    "its --out again",
+                )
         self.selection, self.tokens, self.config = selection, tokens, config
         self.instruction_choice = instruction_choice
         videos = OpenVideos()
@@ -114,19 +124,21 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         """Return the episode `number`."""
         entry = self.selection.entry(number)
         reader = self._readers[self.selection.dataset[number]]
-        labelled = entry.controller == DAGGER
+        labelled = EXECUTED in reader.index.shapes
         every = self.config.every_frame or labelled
-        rows = reader.rows(entry, (*_ROWS, "action.discrete") if every else _ROWS)
+        more = (LABEL,) * every + (EXECUTED,) * labelled
+        rows = reader.rows(entry, (*_ROWS, *more))
         poses = planar_poses(rows["observation.state"])
         if every:
-            frames, actions = np.arange(entry.length), rows["action.discrete"][:, 0]
+            frames, actions = np.arange(entry.length), rows[LABEL][:, 0]
         else:
             divided = discrete_steps(poses)
             frames, actions = divided.frame, divided.action
             poses = poses[frames]
         count, steps = len(frames), min(len(frames), self.config.max_steps)
-        changed = np.concatenate([[True], np.diff(actions) != 0])
-        previous = np.concatenate([[0], 1 + actions[:-1]]) * (not labelled)
+        executed = rows[EXECUTED][:, 0] if labelled else actions
+        previous = np.concatenate([[0], 1 + executed[:-1]])
+        changed = previous != 1 + actions
         item: dict[str, Any] = {
             "tokens": torch.from_numpy(self.tokens.encode(self.instruction_choice.text(entry))),
             "action": _tensor(actions, steps),
@@ -146,7 +158,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         if self.config.future:
             ahead = np.arange(count)[:, None] + np.arange(1, self.config.future + 1)
             item["waypoints"] = _tensor(future_poses(poses, self.config.future), steps)
-            item["waypoint_valid"] = _tensor(ahead < count, steps)
+            item["waypoint_valid"] = _tensor((ahead < count) & (not labelled), steps)
         if self.config.images:
             seen = frames[:steps]
             rgb, depth = reader.rgbd(entry, 0, int(seen[-1]) + 1)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from ..collectors.replay.replay import ReplayConfig
-from ..collectors.replay.world import World, open_world
+from ..collectors.replay.world import open_world
 from ..collectors.robots import get_robot
 from ..formats.core.episode import Episode
 from ..formats.core.rollout import Rollout
@@ -35,17 +35,7 @@ class Round:
             PolicyError: the policy failed.
             FileFormatError: a scene is missing or damaged.
         """
-        config = closed_loop(self.config)
-        for world, eye, episode in self.starts():
-            yield evaluate_episode(world, episode, config, policy, eye)
-
-    def starts(self) -> Iterator[tuple[World, Eye, Episode]]:
-        """Yield every episode with its world and camera, one scene after another.
-
-        Raises:
-            FileFormatError: a scene is missing or damaged.
-        """
-        config, groups = self.config, dict[tuple[object, ...], list[Episode]]()
+        config, groups = closed_loop(self.config), dict[tuple[object, ...], list[Episode]]()
         for episode in self.episodes:
             key = (episode.scene_id, episode.level, episode.free_height_m)
             groups.setdefault(key, []).append(episode)
@@ -57,7 +47,7 @@ class Round:
             view = replace(self.view, renderer=name)
             eye = Eye(world, view, make_renderer(bundle, name, light=view.light))
             for episode in (first, *others):
-                yield world, eye, episode
+                yield evaluate_episode(world, episode, config, policy, eye)
 
 
 def spread(episodes: Sequence[Episode], count: int) -> tuple[Episode, ...]:

@@ -20,7 +20,7 @@ from ..lerobot.episode_columns import camera_of
 from ..lerobot.layout import RGB_KEY
 from ..lerobot.unit import EpisodeUnit
 from ..rendered.folder import FrameFolder
-from ..rendered.table import StartFrame
+from ..rendered.table import EXECUTED, StartFrame
 
 Rows = Mapping[str, NDArray[Any]]
 
@@ -39,9 +39,12 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
     joints = _column(rows, "observation.joints", count, 2 * len(joint_names))
     position, velocity = np.split(joints, 2, axis=1)
     actions: tuple[ActionSpan, ...] = ()
+    labels: tuple[Action, ...] = ()
     if "action.discrete" in rows and not columns["action_discrete_derived"]:
-        chosen = np.ravel(rows["action.discrete"]).tolist()
+        chosen = np.ravel(rows.get(EXECUTED, rows["action.discrete"])).tolist()
         actions = tuple(ActionSpan(Action(a), i, i + 1) for i, a in enumerate(chosen))
+    if EXECUTED in rows:
+        labels = tuple(Action(a) for a in np.ravel(rows["action.discrete"]).tolist())
     return Rollout(
         episode=episode_of(columns, unit.task),
         robot=unit.robot,
@@ -65,6 +68,7 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
         events=(),
         end_reason=EndReason(columns["end_reason"]),
         metrics=Metrics(**{f.name: columns[f"metrics/{f.name}"] for f in fields(Metrics)}),
+        labels=labels,
     )
 
 

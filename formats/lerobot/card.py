@@ -32,6 +32,7 @@ MEANING = {
     "action": "motion to the next frame, in this frame's yaw frame",
     "action.velocity": "velocity command at the frame",
     "action.discrete": "0 stop, 1 forward 0.25 m, 2 left 15°, 3 right 15° (the expert here)",
+    "action.executed": "the same, as executed by a policy and the expert (DAgger)",
 }
 REPO = "user/name"  # a card does not know where it will be published
 SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_000, "100K<n<1M"))

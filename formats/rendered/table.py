@@ -11,8 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.frames import quat_multiply, quat_to_yaw, wrap_angle, yaw_to_quat
-from ..core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action, ActionSpan, Rollout
+from ..core.rollout import DAGGER, DISCRETE_RATE_HZ, STATE_RATE_HZ, Action, ActionSpan, Rollout
 from .discrete_steps import discrete_steps, planar_poses
+
+LABEL = "action.discrete"
+EXECUTED = "action.executed"  # the feature that walks of DAgger have beside the expert's labels
+_ACTION = "stop_0_forward_1_left_2_right_3"
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,7 @@ class FrameTable:
 
     Attributes:
         sample_index: (N,) the rollout's sample each frame shows.
-        columns: feature name to (N, D) float32, or (N, 1) int64 for `action.discrete`:
+        columns: feature name to (N, D) float32, or (N, 1) int64 for discrete actions:
             `observation.state` (13): position [m] in the start frame, quat_wxyz in the start
             frame, linear [m/s] and angular [rad/s] velocity in the base frame;
             `observation.joints` (2 J): positions [rad], then velocities [rad/s];
@@ -35,7 +39,9 @@ class FrameTable:
             `action.velocity` (3): commanded vx, vy [m/s] and yaw rate [rad/s], base frame;
             `action.discrete` (1): VLN-CE's action at this pose, at 4 frames per second only: the
             executed one, or the one that the expert would take toward the reference path. STOP
-            is the last frame's and no other's.
+            is the last frame's and no other's, except that a walk of DAgger that failed has none;
+            `action.executed` (1): in walks of DAgger, whose `action.discrete` is the expert's, the
+            action that was executed.
         column_names: what each entry of a column is, with unit and frame.
         discrete_derived: `action.discrete` was not executed, for the controller is continuous: see
             `discrete_steps` for what the robot itself did.
@@ -138,7 +144,10 @@ def build_frame_table(
     derived = not rollout.actions
     if frames_per_second == DISCRETE_RATE_HZ:
         poses = planar_poses(columns["observation.state"])
-        columns["action.discrete"] = _discrete_actions(rollout, samples, poses)[:, None]
+        columns[LABEL] = _discrete_actions(rollout, samples, poses)[:, None]
+        if rollout.controller == DAGGER:
+            executed = stop_at_end(executed_actions(rollout.actions, samples))
+            columns[EXECUTED] = executed[:, None]
     return FrameTable(
         frames_per_second=frames_per_second,
         sample_index=samples,
@@ -197,7 +206,11 @@ def _discrete_actions(
     if rollout.actions and rollout.labels:
         spans = zip(rollout.actions, rollout.labels, strict=True)
         advised = tuple(replace(span, action=label) for span, label in spans)
-        return stop_at_end(executed_actions(advised, samples))
+        actions = executed_actions(advised, samples)
+        if rollout.labels[-1] is Action.STOP:
+            return stop_at_end(actions)
+        # The expert did not stop where the robot fell or its time was over.
+        return np.where(actions == Action.STOP, int(rollout.labels[-1]), actions)
     if rollout.actions:
         return stop_at_end(executed_actions(rollout.actions, samples))
     if rollout.labels:
@@ -244,5 +257,6 @@ def _column_names(rollout: Rollout) -> dict[str, list[str]]:
         "observation.progress": ["fraction_of_frames"],
         "action": ["delta_x_yaw_frame_m", "delta_y_yaw_frame_m", "delta_yaw_rad"],
         "action.velocity": ["vx_base_m_s", "vy_base_m_s", "yaw_rate_rad_s"],
-        "action.discrete": ["stop_0_forward_1_left_2_right_3"],
+        LABEL: [_ACTION],
+        EXECUTED: [_ACTION],
     }

@@ -1,1 +1,1 @@
-"""Training: data, losses, scores, sessions that resume, held-out paths and corrections."""
+"""Training: data, losses, scores, sessions that resume and held-out paths."""

@@ -2,8 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,13 @@ from ...datasets.instructions import InstructionChoice
 from ...datasets.mixture.choice import Library, choose_all
 from ...datasets.mixture.plan import MixturePlan, plan_mixture
 from ...datasets.mixture.recipe import Recipe
-from ...datasets.selection import Selection
+from ...datasets.selection import Selection, select_all
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.atomic import file_digest
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
-from ...formats.core.rollout import DAGGER
+from ...formats.core.rollout import DAGGER, EndReason
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
 from ..camera import view_of
@@ -30,10 +30,9 @@ from ..checkpoint import Checkpoint, load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
 from .cache import CachedSequences, decode_all
-from .corrections import CorrectedEpisodes
 from .curves import TrainingLog, Validation
 from .holdout import Holdout, hold_out, published_holdout
-from .train import TrainingEpisodes, Watcher, train_model
+from .train import Watcher, train_model
 
 _SAMPLE = 32  # episodes of the training data, and of the held-out data, that curves are made of
 
@@ -50,9 +49,9 @@ class Request:
         changes: settings that override the recipe's `train`.
         start: checkpoint to start from (fine-tuning).
         validate: scores in closed loop at each checkpoint; without it the last one is kept.
-        corrections: walks of `corrections.write_correction`, which get half of the draws (DAgger).
-        augmented: the expert's walks of more paths, also of `write_correction`, drawn as often as
-            those of the recipe.
+        dagger: datasets of `vlnpe dagger`, whose walks get half of the draws however they ended.
+        augmented: dataset of the expert's walks of more paths, drawn as often as those of the
+            recipe; failures are left out.
         cache: folder of decoded images; `out`/cache when None.
         recipe_sha256: digest of the recipe's file.
         holdout: what to hold out; chosen from the mixture's own episodes when None.
@@ -66,7 +65,7 @@ class Request:
     changes: Mapping[str, Any] | None = None
     start: Path | None = None
     validate: Validation | None = None
-    corrections: tuple[Path, ...] = ()
+    dagger: tuple[Path, ...] = ()
     augmented: tuple[Path, ...] = ()
     cache: Path | None = None
     recipe_sha256: str = ""
@@ -190,6 +189,15 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     cache = request.cache or out / "cache"
     sources = [_cached(s.selection, tokens, config, cache, choice) for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
+    shares = plan.shares.tolist()
+    more = []
+    for name, selection in _more(request):
+        walks = _cached(selection, tokens, config, cache, choice)
+        share = 0.5
+        if name == "augmented":
+            share = len(walks) / (len(walks) + sum(len(s) for s in sources))
+        sources, shares = [*sources, walks], [*(s * (1 - share) for s in shares), share]
+        more.append(_facts(name, share, selection))
     unseen = [_cached(s, tokens, config, cache) for s in planned.held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
     decode_all([*sources, *unseen], show=show)
@@ -202,16 +210,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
         lights=planned.every("light"),
         seed=seed,
         recipe={"title": recipe.title, "mixture": planned.mixture, "sha256": request.recipe_sha256},
-        data=tuple(
-            {
-                "source": s.name,
-                "share": round(s.share, 6),
-                "episodes": len(s.selection),
-                "sha": s.selection.digest,
-                "datasets": sorted({row.root.name for row in s.rows if row.episodes}),
-            }
-            for s in plan.sources
-        ),
+        data=(*(_facts(s.name, s.share, s.selection) for s in plan.sources), *more),
         held_out={
             "by": planned.holdout.by,
             "scenes": list(planned.holdout.scenes),
@@ -219,22 +218,10 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
         },
         start=start.sha256 if start is not None else "",
     )
-    episodes: list[TrainingEpisodes] = [*sources]
-    shares = plan.shares.tolist()
-    for name, files in (("augmented", request.augmented), ("corrections", request.corrections)):
-        if not files:
-            continue
-        walks = CorrectedEpisodes(files, tokens, config)
-        share = 0.5
-        if name == "augmented":
-            share = len(walks) / (len(walks) + sum(len(s) for s in sources))
-        episodes, shares = [*episodes, walks], [*(s * (1 - share) for s in shares), share]
-        source = {"source": name, "share": round(share, 6), "episodes": len(walks)}
-        card = replace(card, data=(*card.data, source | {"sha": walks.digest, "datasets": []}))
     log = TrainingLog(out, card, config, seen, unseen, request.validate)
     with progress_bar("train", config.steps, show=show) as bar:
         train_model(
-            episodes,
+            sources,
             shares,
             tokens,
             config,
@@ -244,6 +231,28 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             start=start.model.state_dict() if start is not None else None,
         )
     return Result(log.path, tuple(log.rows), log.chosen, plan)
+
+
+def _more(request: Request) -> Iterator[tuple[str, Selection]]:
+    """Yield the walks that were made for this training, by the name of their source."""
+    if request.augmented:
+        walks = select_all(request.augmented)
+        yield "augmented", walks.take(walks.labels("end_reason") == str(EndReason.SUCCESS))
+    if request.dagger:
+        walks = select_all(request.dagger)
+        # A robot that stood in an obstacle did nothing.
+        yield "dagger", walks.take(walks.lengths > 1)
+
+
+def _facts(name: str, share: float, selection: Selection) -> dict[str, Any]:
+    """Return what a card says of a source."""
+    return {
+        "source": name,
+        "share": round(share, 6),
+        "episodes": len(selection),
+        "sha": selection.digest,
+        "datasets": sorted({selection.datasets[k].root.name for k in set(selection.dataset)}),
+    }
 
 
 def _mixture_name(recipe: Recipe, name: str | None) -> str:

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from pickle import UnpicklingError
-from typing import Any, Protocol, cast
+from typing import Any
 
 import torch
 from torch import Tensor
-from torch.utils.data import Dataset
 
 from ...datasets.mixture.loader import MixtureLoader
 from ...datasets.mixture.sampler import MixtureSampler
@@ -23,6 +22,7 @@ from ...formats.core.errors import FileFormatError
 from ...formats.core.threads import made_ahead
 from ..config import TrainConfig
 from ..models.registry import Model, build_model
+from .cache import CachedSequences
 from .losses import training_loss
 
 _UNKNOWN = 1  # the vocabulary's index of unknown words
@@ -36,22 +36,6 @@ def chosen_device(config: TrainConfig) -> torch.device:
     if config.device == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     return torch.device(config.device)
-
-
-class TrainingEpisodes(Protocol):
-    """Items as those of `EpisodeSequences`: `CachedSequences`, or `CorrectedEpisodes`."""
-
-    @property
-    def digest(self) -> str:
-        """Digest of the episodes."""
-        ...
-
-    def __len__(self) -> int: ...
-
-    def __getitem__(self, number: int) -> dict[str, Any]: ...
-
-    def begin_pass(self, epoch: int) -> None:
-        """Prepare for another pass over all episodes."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +56,7 @@ class Watcher:
 
 
 def train_model(
-    sources: Sequence[TrainingEpisodes],
+    sources: Sequence[CachedSequences],
     shares: list[float],
     tokens: Tokens,
     config: TrainConfig,
@@ -102,8 +86,7 @@ def train_model(
         config.steps * config.batch,
         content="-".join(source.digest for source in sources),
     )
-    datasets = cast(Sequence[Dataset[Any]], sources)  # map-style by what they can do
-    loader = MixtureLoader(datasets, sampler, config.batch, collate=collate_sequences)
+    loader = MixtureLoader(sources, sampler, config.batch, collate=collate_sequences)
     per_pass = max(sum(len(source) for source in sources) // config.batch, 1)
     # Dropout and initial weights draw from torch's own generator; the caller's is left alone.
     with torch.random.fork_rng():
@@ -140,7 +123,7 @@ def train_model(
 
 
 def _batches(
-    loader: MixtureLoader, sources: Sequence[TrainingEpisodes], steps: range, per_pass: int
+    loader: MixtureLoader, sources: Sequence[CachedSequences], steps: range, per_pass: int
 ) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
     """Yield the batch of each step, and the loader's position after it."""
     batches = iter(loader)

@@ -137,20 +137,28 @@ def walk(
 
 
 def rendered(
-    context: Context, trial: Trial, robot: RobotSpec, rows: Mapping[str, Row], label: str
+    context: Context,
+    trial: Trial,
+    robot: RobotSpec,
+    rows: Mapping[str, Row],
+    label: str,
+    *,
+    mcap: bool = True,
 ) -> tuple[export.Dataset, StageSummary, dict[str, list[WorkItem]]]:
     """Render what the policy saw; return the dataset's folders, the frames and what exports them.
 
     Args:
         rows: Of walks.
         label: Their controller, in the dataset's name.
+        mcap: Export MCAP files, too.
     """
     root, folder = context.ledger.root, trial.folder.resolve()
     dataset = export.Dataset.under(root, robot.name, label, trial.view.name)
     recorded = render.Recorded(robot, rows, root, trial.scenes, folder)
     items = render.items(recorded, trial.view, FRAMES_PER_SECOND, root / "frames", root)
     frames = run_stage(context, render.STAGE, items, dataset.scope)
-    return dataset, frames, export.items(frames.good(), root, folder, dataset, robot)
+    units = export.items(frames.good(), root, folder, dataset, robot, mcap=mcap)
+    return dataset, frames, units
 
 
 def evaluate_policy(options: Evaluate) -> Evaluation:

@@ -2,13 +2,12 @@
 
 from ...evaluation.policies.names import MODEL_POLICIES, ORACLE
 from ...formats.core.errors import InputError
-from ...formats.core.rollout import DAGGER
-from ..collect.evaluation import chosen_trial, rendered, walk
+from ..collect.evaluation import chosen_trial
+from ..collect.walked_dataset import walked_dataset
 from ..context import open_context
 from ..options.evaluate import Dagger, Evaluate
 from ..options.shared import settings_of
 from ..report.gather import robot_rows
-from ..stages.datasets import export_items as export
 from ..summary import joined, print_result, robot_table, stage_table
 
 ALL = "all"
@@ -27,27 +26,12 @@ def run(options: Dagger) -> int:
     split = None if options.split == ALL else options.split
     shared = settings_of(Evaluate, options, split=split)
     trial = chosen_trial(shared)
-    identity = trial.policy.identity()
     with open_context(options.out, options) as context:
-        walker, walks = walk(
-            context, trial, shared, identity, label="dagger", expert_share=options.beta
-        )
-        dataset, frames, units = rendered(context, trial, walker.robot, walks.good(), DAGGER)
-        facts = {
-            "robot": trial.robot.name,
-            "controller": DAGGER,
-            "executed_by": trial.controller,
-            "policy": identity,
-            "beta": options.beta,
-            "seed": options.seed,
-        }
-        folder = trial.folder.resolve()
-        exported = export.run(context, units, folder, dataset, {"options": facts})
-        summaries = [walks, frames, *exported]
+        walked = walked_dataset(context, trial, shared, beta=options.beta)
         table = robot_table(robot_rows(context.ledger))
-    quarantined = sum(s.quarantined for s in summaries)
+    quarantined = sum(s.quarantined for s in walked.stages)
     code = int(quarantined > options.max_failed)
-    counts = {"stages": {s.stage: s.counts() for s in joined(summaries)}, "exit_code": code}
-    text = f"\n{stage_table(summaries)}\n\n{table}\n\ndataset: {dataset.lerobot}"
+    counts = {"stages": {s.stage: s.counts() for s in joined(walked.stages)}, "exit_code": code}
+    text = f"\n{stage_table(walked.stages)}\n\n{table}\n\ndataset: {walked.dataset}"
     print_result(options, counts, text)
     return code

@@ -85,7 +85,7 @@ class Train(Printing):
     """Number of additional paths to train on (as in EnvDrop): sampled in the training scenes, away
     from held-out paths, described by the composer and walked by the expert, in <out>/augmented."""
     dagger: int = 0
-    """Rounds of DAgger after training: the model executes training episodes of --run, the
+    """Rounds of `vlnpe dagger` after training: the model walks training episodes of --run, the
     expert labels each pose, and training continues on both, in <out>/dagger-<round>."""
     dagger_episodes: int = 50
     """Number of episodes per round of DAgger."""
@@ -98,7 +98,8 @@ class Train(Printing):
     device: str | None = None
     """Torch device: cpu, cuda or auto; overrides the recipe."""
     threads: int = 0
-    """Number of torch threads; 0 uses one per core."""
+    """Number of torch threads, and of processes that walk for --augment and --dagger; 0 uses one
+    per core."""
 
     def check(self) -> None:
         """Raise InputError if a number is negative, or the run that is walked is not named."""

@@ -7,20 +7,27 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 
 from tests.learning.conftest import Walks
 from tests.learning.test_closed_loop import RECIPE, SMALL
+from tests.support.runs.work import InlineWorkers
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.learning.card import read_card
-from vlnpe.learning.training.corrections import CorrectedEpisodes
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.execution import settings as executors
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.similarity import path_gap
+
+
+@pytest.fixture(autouse=True)
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work in this process: a worker takes seconds to start."""
+    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 def recipe(tmp_path: Path, **train: object) -> str:
@@ -51,7 +58,7 @@ def test_from_recipe_to_checkpoint_chosen_in_closed_loop(
     assert (out / "cma.safetensors").stat().st_mtime_ns == before
 
 
-def test_dagger_goes_on_with_corrected_walks(
+def test_dagger_goes_on_with_what_the_expert_says_of_executed_actions(
     walks: Walks, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
@@ -61,35 +68,55 @@ def test_dagger_goes_on_with_corrected_walks(
     result = json.loads(capsys.readouterr().out.splitlines()[-1])
     assert result["checkpoint"] == str(out / "dagger-2" / "cma.safetensors")
     card, _ = read_card(out / "dagger-2" / "cma.safetensors")
-    assert card.data[-1]["source"] == "corrections" and card.data[-1]["episodes"] == 4
+    assert card.data[-1]["source"] == "dagger" and card.data[-1]["episodes"] == 4
+    assert card.data[-1]["share"] == 0.5
     assert card.start == file_digest(out / "dagger-1" / "cma.safetensors")
-    files = sorted((out / "dagger-1" / "walks").glob("*.npz"))
-    item = CorrectedEpisodes(files, card.tokens, card.config)[0]
-    plain = EpisodeSequences(
-        select_all([walks.root / "lerobot" / "vlnce"]), card.tokens, SequenceConfig(24, future=8)
-    )[0]
-    assert item.keys() == plain.keys()
-    for key, value in plain.items():
-        if torch.is_tensor(value):
-            assert item[key].dtype == value.dtype and item[key].shape[1:] == value.shape[1:], key
-    # Both start at the same place: the same view, up to the codec, and the same advice.
-    assert (item["rgb"][0].float() - plain["rgb"][0].float()).abs().mean() < 4
-    assert item["action"][0] == plain["action"][0] and item["previous_action"][0] == 0
-    assert int(item["length"]) > 1 and float(item["progress"].min()) >= 0
-    # Killed between its walks, the same command makes the missing one alone, and the same.
-    times = [path.stat().st_mtime_ns for path in files]
-    content = files[1].read_bytes()
-    files[1].unlink()
-    (files[1].parent / "done").unlink()
+    first = out / "dagger-1" / "walks"
+    (dataset,) = (first / "lerobot").iterdir()
+    config = SequenceConfig(24, future=8)
+    item = EpisodeSequences(select_all([dataset]), card.tokens, config)[0]
+    rollout = read_rollout(first / "vlnce" / "dagger" / "table.mcap")
+    assert item["uid"].endswith("/table") and not item["waypoint_valid"].any()
+    taken = [int(span.action) for span in rollout.actions]
+    steps = len(taken)
+    # Frames in which the robot comes to rest have the last action before STOP.
+    assert item["action"][: steps - 1].tolist() == [int(a) for a in rollout.labels[:-1]]
+    assert item["previous_action"][1:steps].tolist() == [1 + a for a in taken[:-1]]
+    assert item["previous_action"][0] == 0
+    wrong = item["action"][1:steps].numpy() + 1 != item["previous_action"][1:steps].numpy()
+    assert (item["weight"][1:steps].numpy() > 1).tolist() == wrong.tolist()
+    # Done again, nothing is walked or trained again.
+    times = [p.stat().st_mtime_ns for p in finished(out)]
     assert main([*call, "--json"]) == 0
-    assert files[0].stat().st_mtime_ns == times[0] and files[1].read_bytes() == content
-    capsys.readouterr()
-    # Another number of walks would be other walks of the same names.
-    assert main([*call[:-1], "1"]) == 2
-    assert "other settings" in capsys.readouterr().err
-    files[0].write_bytes(b"no walk")
-    with pytest.raises(FileFormatError, match="0000"):
-        CorrectedEpisodes(files, card.tokens, card.config)[0]
+    assert times == [p.stat().st_mtime_ns for p in finished(out)]
+    # A dataset of an older version says what to do.
+    info = json.loads((dataset / "meta" / "info.json").read_text())
+    del info["features"]["action.executed"]
+    (dataset / "meta" / "info.json").write_text(json.dumps(info))
+    with pytest.raises(FileFormatError, match=r"lacks action.executed.*vlnpe dagger"):
+        EpisodeSequences(select_all([dataset]), card.tokens, config)
+
+
+def finished(out: Path) -> list[Path]:
+    """Return what the rounds wrote last."""
+    return [*sorted(out.rglob("*.mcap")), out / "dagger-2" / "cma.json"]
+
+
+def test_a_recipe_trains_on_a_run_of_dagger(
+    walks: Walks, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walked = ["dagger", str(run), "--policy", "random", "--beta", "0.7", "--robot", "vlnce"]
+    walked += ["--camera", "ego:48x48", "--controller", "flash", "--out", str(tmp_path / "round")]
+    assert main([*walked, "--workers", "1"]) in (0, 1)
+    sources = {"round": {"controllers": ["dagger"], "outcomes": []}}
+    settings = {**RECIPE["train"], "steps": 2, "model": SMALL}
+    path = tmp_path / "recipe.yaml"
+    mixed = {"sources": sources, "mixtures": {"round": ["round"]}, "train": settings}
+    path.write_text(json.dumps({**RECIPE, **mixed, "holdout": "none"}))
+    call = ["train", str(path), "--data", str(tmp_path / "round"), "--threads", "1"]
+    assert main([*call, "--out", str(tmp_path / "out")]) == 0
+    card, _ = read_card(tmp_path / "out" / "cma.safetensors")
+    assert card.controllers == ("dagger",) and card.data[0]["episodes"] == 2
 
 
 def test_augmentation_trains_on_further_walks_away_from_held_out_ones(
@@ -103,27 +130,31 @@ def test_augmentation_trains_on_further_walks_away_from_held_out_ones(
     assert main(call) == 0
     card, _ = read_card(out / "cma.safetensors")
     episodes = read_episodes(out / "augmented" / "episodes.json.gz")
-    files = sorted((out / "augmented").glob("*.npz"))
-    assert 0 < len(files) <= len(episodes) <= 3
+    (dataset,) = (out / "augmented" / "walks" / "lerobot").iterdir()
+    walked = select_all([dataset])
+    assert 0 < len(walked) <= len(episodes) <= 3
     added = card.data[-1]
-    assert added["source"] == "augmented" and added["episodes"] == len(files)
-    assert added["share"] == pytest.approx(len(files) / (len(files) + 2), abs=1e-6)
+    arrived = [row.end_reason == "success" for row in map(walked.entry, range(len(walked)))]
+    assert added["source"] == "augmented" and added["episodes"] == sum(arrived)
+    assert added["share"] == pytest.approx(sum(arrived) / (sum(arrived) + 2), abs=1e-6)
     for episode in episodes:
         assert episode.instruction and len(episode.extra["instructions"]) == 3
         for path in (held.reference_path_world_m, held.reference_path_world_m[::-1]):
             assert path_gap(episode.reference_path_world_m, path) >= SampleConfig.family_gap_m
     # The walk follows the expert to the goal.
-    item = CorrectedEpisodes(files, card.tokens, card.config)[0]
+    number = arrived.index(True)
+    item = EpisodeSequences(walked, card.tokens, SequenceConfig(24, future=8))[number]
     assert int(item["action"][-1]) == 0 and (item["action"][:-1] > 0).all()
     assert (item["previous_action"][1:] == item["action"][:-1] + 1).all()
-    goal = episodes[int(files[0].stem)].goal_position_world_m[:2]
-    start = episodes[int(files[0].stem)].start_position_world_m[:2]
-    walked = float(np.linalg.norm(item["pose"][-1, :2].numpy()))
-    assert abs(walked - float(np.linalg.norm(goal - start))) < 0.5
+    (episode,) = (e for e in episodes if item["uid"].endswith(f"/{e.episode_id}"))
+    goal, start = episode.goal_position_world_m[:2], episode.start_position_world_m[:2]
+    walked_m = float(np.linalg.norm(item["pose"][-1, :2].numpy()))
+    assert abs(walked_m - float(np.linalg.norm(goal - start))) < 0.5
     # The same command makes nothing again; another number is refused.
-    before = [path.stat().st_mtime_ns for path in files]
-    assert main(call) == 0
-    assert [path.stat().st_mtime_ns for path in files] == before
+    before = [path.stat().st_mtime_ns for path in sorted((out / "augmented").rglob("*.mcap"))]
+    assert before and main(call) == 0
+    after = [path.stat().st_mtime_ns for path in sorted((out / "augmented").rglob("*.mcap"))]
+    assert after == before
     capsys.readouterr()
     assert main([*call[:-2], "2"]) == 2
     assert "other settings" in capsys.readouterr().err

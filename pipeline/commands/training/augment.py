@@ -2,7 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,8 @@ from ...options.training import Train
 
 logger = logging.getLogger(__name__)
 
-MADE_BY = "made_by.json"  # file of the settings that a folder's walks were made with
-_EPISODES = "episodes.json.gz"
+_MADE_BY = "made_by.json"  # file of the settings that paths were made with
+EPISODES = "episodes.json.gz"
 
 
 def more_episodes(
@@ -48,15 +48,12 @@ def more_episodes(
         )
     made_by = {
         "augment": options.augment,
-        **walker(options),
+        "robot": [robot.name, robot.content_sha256],
         "seed": seed,
-        "size_px": planned.config.size_px,
-        "view": asdict(planned.view),
-        "lights": list(planned.every("light")),
         "episodes": [s.selection.digest for s in planned.plan.sources],
     }
-    check_made_by(folder, made_by)
-    file = folder / _EPISODES
+    _check_made_by(folder, made_by)
+    file = folder / EPISODES
     if file.is_file():
         return read_episodes(file), scenes
     held = planned.holdout.trajectories
@@ -84,7 +81,7 @@ def more_episodes(
         logger.warning("--augment: %s has no true text and is left out: %s", episode, reason)
     if not texts.episodes:
         raise InputError("--augment: no further path was found in the training's scenes")
-    write_json(folder / MADE_BY, made_by)
+    write_json(folder / _MADE_BY, made_by)
     write_episodes(file, texts.episodes)
     return texts.episodes, scenes
 
@@ -106,15 +103,9 @@ def _sample(
     ]
 
 
-def walker(options: Train) -> dict[str, Any]:
-    """Return what sets the robot that walks apart from others, for `made_by.json`."""
-    (robot,) = chosen_robots(options.robot)
-    return {"robot": [robot.name, robot.content_sha256], "controller": options.controller}
-
-
-def check_made_by(folder: Path, made_by: Mapping[str, Any]) -> None:
-    """Raise FileFormatError if walks in a folder were made with other settings, or unknown ones."""
-    file = folder / MADE_BY
+def _check_made_by(folder: Path, made_by: Mapping[str, Any]) -> None:
+    """Raise FileFormatError if paths in a folder were made with other settings, or unknown ones."""
+    file = folder / _MADE_BY
     recorded = read_json(file) if file.is_file() else made_by
-    if recorded != made_by or (not file.is_file() and any(folder.glob("*.npz"))):
+    if recorded != made_by or (not file.is_file() and (folder / EPISODES).is_file()):
         raise FileFormatError(file, "walked with other settings or data; use another output folder")

@@ -75,7 +75,9 @@ def test_labels_are_the_experts_and_actions_the_mixtures(
 
     loaded = EpisodeSequences(select_all([dataset]), training_tokens(["Go through the door."]))[0]
     assert loaded["action"].tolist() == first
-    assert not loaded["previous_action"].any()  # those that were taken are not in the data
+    taken = [int(span.action) for span in rollout.actions]
+    executed = loaded["previous_action"].tolist()
+    assert executed[0] == 0 and executed[1 : len(taken)] == [1 + a for a in taken[:-1]]
     converted = tmp_path / "converted"
     assert main(["convert", str(dataset), "--to", "streamvln", "--out", str(converted)]) == 0
     (records,) = converted.rglob("annotations.json")
