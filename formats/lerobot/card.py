@@ -11,7 +11,7 @@ from ..core.arrays import Floats
 from ..core.camera import CameraModel
 from ..core.frames import quat_to_matrix
 from ..core.licences import hub_licence, licence_id
-from ..scene.bundle import UNSOUND
+from ..scene import UNSOUND
 from ..video.depth_codes import SHIFT_M
 from .layout import DEPTH_KEY
 from .usage import POLICIES, loading_code, training_command

@@ -27,7 +27,12 @@ from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, 
 from ..rendered.table import FrameTable, build_frame_table
 from ..untrusted.documents import read_json_object
 from ..untrusted.tables import read_table
-from ..video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, decode_depth_tiff
+from ..video.depth_codes import (
+    DEPTH_PIXEL_FORMAT,
+    MAX_CODE,
+    codes_to_depth,
+    decode_depth_tiff,
+)
 from ..video.mp4 import iterate_depth_codes, iterate_rgb_video
 from ..video.stream import VideoFacts, pick_frames, probe_video
 from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
@@ -50,20 +55,26 @@ class EpisodeUnit(UnitParts):
 
     def depth_m(self, numbers: Sequence[int]) -> Iterator[F32]:
         """Yield the depth (H, W) [m] of the frames of the given ascending numbers, 0 = invalid."""
+        depth_m, images = self.depth_codes(numbers)
+        return (depth_m[codes] for codes in images)
+
+    def depth_codes(self, numbers: Sequence[int]) -> tuple[F32, Iterator[U16]]:
+        """Return the depth [m] of each code, 0 = invalid, and the codes (H, W) of the frames."""
         if self.features[DEPTH_KEY]["dtype"] == "video":
             limits = DepthRange(self.columns["depth_near_m"], self.columns["depth_far_m"])
-            for frame in pick_frames(self.video(DEPTH_KEY), numbers):
-                codes = cast(U16, frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
-                yield codes_to_depth(codes, limits)
-            return
+            frames = pick_frames(self.video(DEPTH_KEY), numbers)
+            images = (cast(U16, f.to_ndarray(format=DEPTH_PIXEL_FORMAT)) for f in frames)
+            return codes_to_depth(np.arange(MAX_CODE + 1, dtype=np.uint16), limits), images
+        return np.arange(1 << 16, dtype=np.float32) / np.float32(1000), self._millimetres(numbers)
+
+    def _millimetres(self, numbers: Sequence[int]) -> Iterator[U16]:
         images = self.rows()[DEPTH_KEY]
         for number in numbers:
             try:
-                millimetres = decode_depth_tiff(images[number].as_py()["bytes"])
+                yield decode_depth_tiff(images[number].as_py()["bytes"])
             except (IndexError, TypeError, ValueError) as error:
                 reason = f"frame {number} has no depth image"
                 raise FileFormatError(self.folder / ROWS, reason) from error
-            yield (millimetres / np.float32(1000)).astype(np.float32)
 
     def rows(self) -> pa.Table:
         """Load the frame rows, as many as the index says."""

@@ -30,8 +30,6 @@ from .grid import GridSpec
 
 INDEX_NAME = "scene.json"
 FORMAT_VERSION = 1
-# Key of `SceneBundle.source` under which the faults of an unsound scene stand.
-UNSOUND = "unsound"
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from ..convert.frame_rollout import start_frame
@@ -26,13 +25,26 @@ OBSTACLE_RGB = (0, 0, 128)  # (0, 0, 0.5), by which loaders tell obstacles
 OBSTACLE_FROM_M, CELL_M = 0.1, 0.05
 BODY_M = 0.3  # around the base there is the robot itself
 _EVERY_PX = 4
+_PLY = """ply
+format binary_little_endian 1.0
+element vertex {}
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+end_header
+"""
+_BITS = 20  # of a cell's place along an axis: 26 km either way
+_HALF = 1 << _BITS - 1
 
 
 def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
     """Write the episodes of one scene and level."""
     scene, chunk = SceneWriter(out, TENTHS), "chunk-000"  # loaders read one chunk only
     frames: list[NDArray[np.int64] | None] = []
-    cells, images = np.empty((0, 3), np.int64), 0
+    cells, images = np.empty(0, np.int64), 0
     for source in sources:
         walk, number = Walk.open(source), len(scene.episodes)
         count = walk.unit.length
@@ -46,7 +58,7 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
         depths = scene.write_images(walk, np.arange(count), names, chunk)
         rays = walk.camera.pixel_rays()[::_EVERY_PX, ::_EVERY_PX]
         found = [_obstacles(rays, poses[k], floor[k], depth) for k, depth in enumerate(depths)]
-        cells = np.unique(np.concatenate([cells, *found]), axis=0)
+        cells = np.unique(np.concatenate([cells, *found]))
         columns = {
             "observation.camera_intrinsic": np.tile(walk.camera.intrinsics, (count, 1, 1)),
             "observation.camera_extrinsic": _mounts(walk, poses, floor),
@@ -57,9 +69,7 @@ def write(out: Path, sources: Sequence[WalkSource], subset: Subset) -> Written:
         images += count
     scene.finish()
     if len(cells):
-        colours = np.tile(OBSTACLE_RGB, (len(cells), 1))
-        cloud = trimesh.PointCloud((cells + 0.5) * CELL_M, colours)
-        cloud.export(str(out / "meta" / "pointcloud.ply"))
+        _write_cloud(out / "meta" / "pointcloud.ply", (_unpacked(cells) + 0.5) * CELL_M)
     facts = (
         f"{images} frames, every frame of the source",
         "depth: uint16 PNG in 0.1 mm, 0 = not measured, beyond 5 m or nearer than 0.1 m",
@@ -100,13 +110,32 @@ def _obstacles(
     floor: NDArray[np.float64],
     depth_m: NDArray[np.float64],
 ) -> NDArray[np.int64]:
-    """Return the cells (C, 3) in which a camera sees obstacles."""
+    """Return the cells (C,), as of `_packed`, in which a camera sees obstacles."""
     z = depth_m[::_EVERY_PX, ::_EVERY_PX, None]
     points = transform_points(pose, (rays * z)[z[..., 0] > 0])
     height = points[:, 2] - floor[2]
     off = np.hypot(*(points[:, :2] - floor[:2]).T)
     kept = (height >= OBSTACLE_FROM_M) & (height <= pose[2, 3] - floor[2]) & (off > BODY_M)
-    return np.unique(np.floor(points[kept] / CELL_M).astype(np.int64), axis=0)
+    return np.unique(_packed(np.floor(points[kept] / CELL_M).astype(np.int64)))
+
+
+def _packed(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return cells (C, 3) as one number each (C,), which sort ten times as fast."""
+    x, y, z = (cells + _HALF).T
+    return (x << 2 * _BITS) + (y << _BITS) + z
+
+
+def _unpacked(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    digits = np.stack([cells >> 2 * _BITS, cells >> _BITS, cells], axis=1)
+    return (digits & (2 * _HALF - 1)) - _HALF
+
+
+def _write_cloud(path: Path, points: NDArray[np.float64]) -> None:
+    """Write points (N, 3) [m] in the colour of obstacles as PLY."""
+    row = np.dtype([("at", "<f4", 3), ("colour", "u1", 3)])
+    rows = np.empty(len(points), row)
+    rows["at"], rows["colour"] = points, OBSTACLE_RGB
+    path.write_bytes(_PLY.format(len(points)).encode() + rows.tobytes())
 
 
 NAVDP = Layout("navdp", "NavDP", write, per_scene=True, depth=True, endings=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..lerobot.layout import RGB_KEY
 from ..rendered.discrete_steps import DiscreteSteps
 from ..video.codecs import RGB_CODECS
-from ..video.mp4 import write_rgb_video
+from ..video.mp4 import write_decoded_video
 from ..video.mux import copy_beginnings
 from ..video.stream import decode_frames
 from .answers import KIND_OF, Answer
@@ -36,14 +36,10 @@ class _UniNavid:
         folder = folder_of(out / "nav_videos")
         repeats = np.bincount(steps.frame).tolist()
         frames = decode_frames(walk.unit.video(RGB_KEY))
-        images = (
-            image
-            for times, frame in zip(repeats, frames, strict=False)
-            for image in [frame.to_ndarray(format="rgb24")] * times
-        )
+        shown = (f for times, f in zip(repeats, frames, strict=False) for _ in range(times))
         last = len(steps.frame) - 1
         whole = folder / f"{key}_{last}.mp4"
-        write_rgb_video(whole, images, VIDEO_RATE, RGB_CODECS["h264"])
+        write_decoded_video(whole, shown, VIDEO_RATE, RGB_CODECS["h264"])
         copy_beginnings(whole, [folder / f"{key}_{step}.mp4" for step in range(last)])
 
     def answers(self, actions: NDArray[np.int64]) -> list[Answer]:

@@ -131,9 +131,11 @@ class Walk:
         if done != len(frames):
             raise FileFormatError(video, f"has no frame {frames[done]}")
 
-    def depths_m(self, frames: NDArray[np.int64]) -> Iterator[NDArray[np.float32]]:
-        """Yield the depth (H, W) [m] of the frames (M,), ascending, possibly repeated."""
+    def depth_codes(
+        self, frames: NDArray[np.int64]
+    ) -> tuple[NDArray[np.float32], Iterator[NDArray[np.uint16]]]:
+        """Return the depth [m] of each code, and codes (H, W) of ascending frames (M,)."""
         shown, repeats = np.unique(frames, return_counts=True)
-        for image, times in zip(self.unit.depth_m(shown.tolist()), repeats.tolist(), strict=True):
-            for _ in range(times):
-                yield image
+        depth_m, images = self.unit.depth_codes(shown.tolist())
+        repeated = zip(images, repeats.tolist(), strict=True)
+        return depth_m, (codes for codes, times in repeated for _ in range(times))

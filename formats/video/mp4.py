@@ -14,6 +14,7 @@ from typing import Any, cast
 
 import av
 import numpy as np
+from av.video.frame import PictureType
 from av.video.stream import VideoStream
 
 from ..core.arrays import F32, I64, U8, U16
@@ -59,6 +60,18 @@ def write_rgb_video(
         if counts is not None:
             add_rgb(counts, frame)
         return av.VideoFrame.from_ndarray(np.ascontiguousarray(frame), format="rgb24")
+
+    return _encode(path, frames, frames_per_second, codec, convert)
+
+
+def write_decoded_video(
+    path: Path, frames: Iterable[av.VideoFrame], frames_per_second: int, codec: VideoCodec
+) -> int:
+    """Encode frames of another video; return their number."""
+
+    def convert(frame: av.VideoFrame) -> av.VideoFrame:
+        frame.pict_type = PictureType.NONE  # else the encoder makes key frames where they were
+        return frame
 
     return _encode(path, frames, frames_per_second, codec, convert)
 
@@ -138,13 +151,13 @@ def read_depth_video(path: Path, depth_range: DepthRange) -> F32:
 def _encode(
     path: Path, frames: Iterable[Any], frames_per_second: int, codec: VideoCodec, convert: Any
 ) -> int:
-    iterator = iter(frames)
-    first = next(iterator, None)
+    images = map(convert, frames)
+    first: av.VideoFrame | None = next(images, None)
     if first is None:
         raise ValueError(f"no frame to write to {path}")
     if codec.encoder == "libsvtav1":
         os.environ.setdefault("SVT_LOG", "1")  # errors only; else stderr hears of each video
-    shape, count = first.shape, 0
+    size, count = (first.width, first.height), 0
     tick = Fraction(1, frames_per_second)  # the muxer changes the stream's own time base
     with (
         ordinary_threads() as restore,
@@ -154,14 +167,15 @@ def _encode(
         options = codec.options()
         added = container.add_stream(codec.encoder, rate=frames_per_second, options=options)
         stream = cast(VideoStream, added)
-        stream.height, stream.width = shape[:2]
+        stream.width, stream.height = size
         stream.pix_fmt = codec.pixel_format
         stream.time_base = tick
         stream.codec_context.thread_count = 1
-        for frame in itertools.chain([first], iterator):
-            if frame.shape != shape:
-                raise ValueError(f"frame {count} has shape {frame.shape}, the first {shape}")
-            image = convert(frame)
+        for image in itertools.chain([first], images):
+            if (image.width, image.height) != size:
+                raise ValueError(
+                    f"frame {count} has {image.width} x {image.height} px, the first {size}"
+                )
             image.pts, image.time_base = count, tick
             container.mux(stream.encode(image))
             if count == 0:  # the encoder starts with its first frame

@@ -12,8 +12,8 @@ import numpy as np
 from ...formats.core.arrays import I32
 from ...formats.core.atomic import file_digest, write_json
 from ...formats.core.threads import beside
+from ...formats.scene import UNSOUND
 from ...formats.scene.bundle import (
-    UNSOUND,
     Floor,
     LabeledObject,
     Obstacles,

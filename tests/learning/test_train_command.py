@@ -75,8 +75,8 @@ def test_dagger_goes_on_with_what_the_expert_says_of_executed_actions(
     (dataset,) = (first / "lerobot").iterdir()
     config = SequenceConfig(24, future=8)
     item = EpisodeSequences(select_all([dataset]), card.tokens, config)[0]
-    rollout = read_rollout(first / "vlnce" / "dagger" / "table.mcap")
-    assert item["uid"].endswith("/table") and not item["waypoint_valid"].any()
+    rollout = read_rollout(first / "vlnce" / "dagger" / "corner.mcap")
+    assert item["uid"].endswith("/corner") and not item["waypoint_valid"].any()
     taken = [int(span.action) for span in rollout.actions]
     steps = len(taken)
     # Frames in which the robot comes to rest have the last action before STOP.

@@ -12,7 +12,8 @@ from vlnpe.formats.core.errors import SceneError
 from vlnpe.formats.lerobot import usage
 from vlnpe.formats.lerobot.card import CameraFacts, CardFacts, dataset_card
 from vlnpe.formats.lerobot.layout import DEPTH_KEY
-from vlnpe.formats.scene.bundle import UNSOUND, load_bundle
+from vlnpe.formats.scene import UNSOUND
+from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.pipeline.commands import scenes
 from vlnpe.pipeline.commands.scenes import Repair, run_repair
 from vlnpe.pipeline.engine.ledger import Ledger, Row
