@@ -130,7 +130,7 @@ def _unpacked(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return (digits & (2 * _HALF - 1)) - _HALF
 
 
-def _write_cloud(path: Path, points: NDArray[np.float64]) -> None:
+def _write_cloud(path: Path, points: NDArray[np.floating]) -> None:
     """Write points (N, 3) [m] in the colour of obstacles as PLY."""
     row = np.dtype([("at", "<f4", 3), ("colour", "u1", 3)])
     rows = np.empty(len(points), row)
