@@ -16,7 +16,10 @@ from ..formats.video.codecs import DEPTH_CODEC, RGB_CODECS
 from .engine.work import digest
 
 # Facts of a rollout that say how it was made, not what happened in it.
-MAKING = ("seed", "policy_sha256", "robot_physics", "timestep_s", "policy_rate_hz", "mujoco")
+MAKING = (
+    "seed", "policy_sha256", "policy_state", "robot_physics", "timestep_s", "policy_rate_hz",
+    "mujoco",
+)  # fmt: skip
 # Facts of an instruction; model and prompts are those of a language model, if one wrote it.
 WRITING = ("composer", "model", "prompt_sha256", "temperature")
 # Facts of the vision-language model that named things for an instruction, if one did.

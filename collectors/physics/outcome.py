@@ -110,6 +110,11 @@ class OutcomeWatch:
             return f"centre of mass {height:.2f} m above the lowest foot"
         return None if self._surface.is_solid(x, y) else f"no floor at ({x:.2f}, {y:.2f})"
 
+    @property
+    def position_m(self) -> tuple[float, float]:
+        """Where the base is on the ground."""
+        return float(self._base[0]), float(self._base[1])
+
     def speed_m_s(self) -> float:
         """Return the horizontal speed of the base."""
         dof = self._root_dof

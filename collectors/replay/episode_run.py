@@ -146,8 +146,15 @@ class EpisodeRun:
         self.facts["coasting"] = asdict(task.coasting)
         if self.choose is not None:
             self.task = task = replace(task, chooser=self.choose(task))
-        self.world.gait.reset()
-        self.world.spawn(Pose(x, y, self.episode.start_yaw_rad), self._joint_noise())
+        text = f"{self.config.seed}/{self.episode.episode_id}".encode()
+        rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
+        noise_rad = self.config.spawn_joint_noise_rad
+        self.world.spawn(
+            Pose(x, y, self.episode.start_yaw_rad),
+            rng.normal(0.0, noise_rad, len(self.world.robot.joints)),
+        )
+        estimated = self.config.state == "estimated"
+        self.world.gait.reset(int(rng.integers(2**32)) if estimated else None)
         stuck_in = self.world.in_collision()
         if stuck_in:
             self.recorder.sample(STOPPED)
@@ -171,11 +178,6 @@ class EpisodeRun:
         self._limit = round(limit) if math.isfinite(limit) else limit
         self.facts["nominal_s"] = round(controller.nominal_s, 3)
         return None
-
-    def _joint_noise(self) -> np.ndarray:
-        text = f"{self.config.seed}/{self.episode.episode_id}".encode()
-        rng = np.random.default_rng(np.frombuffer(sha256(text).digest(), dtype=np.uint32))
-        return rng.normal(0.0, self.config.spawn_joint_noise_rad, len(self.world.robot.joints))
 
     def _settle(self) -> bool:
         """Stand under zero command until at rest, unrecorded; return False if physics diverged."""
@@ -220,6 +222,9 @@ class EpisodeRun:
         if ending.fallen:
             return EndReason.FALL
         if ending.rest_tick is not None:
+            self.recorder.drop_after(ending.rest_end + 1)
+            last_s = ending.rest_end / STATE_RATE_HZ
+            self.events = [event for event in self.events if event.time_s <= last_s]
             self.events.append(Event(ending.rest_tick / STATE_RATE_HZ, REST_EVENT, ""))
         return self._stop()
 

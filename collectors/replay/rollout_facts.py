@@ -35,12 +35,14 @@ def expert_labels(task: Task, position_world_m: Array, quat_wxyz: Array) -> tupl
 def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[str, Any]:
     """Return what made a rollout: seed, robot, gait, controller and physics."""
     gait = None if teleports else world.gait
+    walks = isinstance(gait, GaitPolicy)
     floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
     return {
         "seed": config.seed,
         "robot_mass_kg": world.robot.mass_kg,
         "robot_physics": world.physics_hash,
-        "policy_sha256": gait.card.network_sha256 if isinstance(gait, GaitPolicy) else None,
+        "policy_sha256": gait.card.network_sha256 if walks else None,
+        "policy_state": config.state if walks else None,
         "controller_config": asdict(getattr(config, config.controller)),
         "timestep_s": TIMESTEP_S,
         "policy_rate_hz": RATE_HZ,

@@ -31,8 +31,13 @@ class Gait(Protocol):
         """The arrays in which it keeps what it remembers between steps."""
         ...
 
-    def reset(self) -> None:
-        """Forget everything; called at the start of every rollout."""
+    def reset(self, seed: int | None = None) -> None:
+        """Forget everything; called at the start of every rollout.
+
+        Args:
+            seed: of the errors of the sensors from which the state is estimated; the true state is
+                seen when None.
+        """
         ...
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:

@@ -83,7 +83,9 @@ def run(options: Collect) -> int:
         pairs = keep_crews(pairs, context.ledger)
         widest, _ = max(pairs, key=lambda crew: crew[0].footprint_radius_m)
         eye = _eye(context.ledger) or widest
-        current = Run(folder, context, options.seed, actions, options.per_instruction)
+        current = Run(
+            folder, context, options.seed, options.state, actions, options.per_instruction
+        )
         wording = episodes.Wording(instructing, eye, vision)
         scenes = episodes.repaired(current, sources, repairing, options.allow_unsound)
         sampling = _widened(sampling, robots, context.ledger)

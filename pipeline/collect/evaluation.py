@@ -116,7 +116,7 @@ def walk(
     root = context.ledger.root
     (crew,) = keep_crews([(trial.robot, trial.controller)], context.ledger)
     timing = action_timing(options.action_steps, options.closed_loop)
-    walker = replay.walker(*crew, options.seed, timing)
+    walker = replay.walker(*crew, options.seed, timing, options.state)
     walker = replace(walker, config=closed_loop(walker.config))
     items = evaluate.items(
         trial.episodes,

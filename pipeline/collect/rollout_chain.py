@@ -219,7 +219,7 @@ def _renders(
 
 
 def _walker(run: Run, crew: Crew) -> Walker:
-    return replay.walker(*crew, run.seed, run.actions)
+    return replay.walker(*crew, run.seed, run.actions, run.state)
 
 
 def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
@@ -228,7 +228,8 @@ def _recorded_walker(run: Run, name: str, rows: Sequence[Row]) -> Walker:
     for facts in (row.facts for row in rows if "seed" in row.facts):
         actions = facts["actions"]
         timing = action_timing(**actions) if actions else run.actions
-        return replay.walker(robot, facts["controller"], facts["seed"], timing)
+        state = facts.get("state", "true")
+        return replay.walker(robot, facts["controller"], facts["seed"], timing, state)
     return _walker(run, (robot, rows[0].item.split("/")[1]))
 
 

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...collectors.controllers import SpeedConfig
+from ...collectors.locomotion.runtime.sensors import State
 from ..engine.run_folder import RunFolder
 from ..execution.runner import Context, StageSummary, WorkItem, run_stage
 
@@ -13,6 +14,7 @@ class Run:
     """Runs stages one after another and remembers their summaries.
 
     Attributes:
+        state: what gaits see; see `ReplayConfig`.
         actions: how the controller `speed` executes discrete actions.
         per_instruction: make files and datasets with one episode per instruction.
         summaries: of every stage that ran, in order.
@@ -21,6 +23,7 @@ class Run:
     folder: RunFolder
     context: Context
     seed: int
+    state: State = "true"
     actions: SpeedConfig = field(default_factory=SpeedConfig)
     per_instruction: bool = False
     summaries: list[StageSummary] = field(default_factory=list)

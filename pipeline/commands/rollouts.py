@@ -39,7 +39,7 @@ def run_replay(options: Replay) -> int:
     with open_context(options.out, options) as context:
         root = context.ledger.root
         for crew in keep_crews(pairs, context.ledger):
-            walker = replay.walker(*crew, options.seed, actions)
+            walker = replay.walker(*crew, options.seed, actions, options.state)
             label = replay.label_of(context.ledger, walker.config)
             items = replay.items(
                 paths, scenes, scenes_folder.resolve(), root, root / "models", walker, label

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import tyro
 
+from ...collectors.locomotion.runtime.sensors import State
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 
@@ -74,7 +75,16 @@ class WalkedBy(Clearance):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DiscreteActions:
+class Sensing:
+    """Sight of the robots' gaits."""
+
+    state: State = "true"
+    """State that a gait sees: true, or estimated from the robot's own sensors with their noise,
+    bias and delay; see docs/results/gaits.md."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class DiscreteActions(Sensing):
     """Execution of discrete actions by the controller `speed`."""
 
     action_steps: int = 50

@@ -231,5 +231,6 @@ def driven(controller: str, facts: Sequence[Mapping[str, Any]], with_seed: bool 
         for f in facts
         if f.get("actions")
     }
+    ways |= {"estimated state" for f in facts if f.get("state") == "estimated"}
     seeds = {f"seed {f['seed']}" for f in facts if with_seed and "seed" in f}
     return ", ".join([controller, *sorted(ways), *sorted(seeds)])

@@ -34,7 +34,7 @@ class Limp:
         self._target = robot.default_joint_rad
         self.memory = ()
 
-    def reset(self) -> None: ...
+    def reset(self, seed: int | None = None) -> None: ...
 
     def act(self, data: mujoco.MjData, command: object) -> np.ndarray:
         return self._target

@@ -8,6 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from tests.support.cart import CartGait, make_cart
 from tests.support.scenes.rooms import write_two_rooms
@@ -262,6 +263,40 @@ def test_a_top_heavy_cart_falls(two_rooms: SceneBundle) -> None:
     # A second more is recorded, to be looked at, and it did not get up.
     assert r.time_s[-1] - fall[0].time_s == pytest.approx(1.0, abs=0.03)
     assert r.metrics.down and not r.metrics.recovered
+
+
+class Jolted(CartGait):
+    """Drives and stops gently, and 1.5 s later darts off for a moment."""
+
+    def reset(self, seed: int | None = None) -> None:
+        super().reset(seed)
+        self._driven, self._still = False, 0
+
+    def act(self, data: mujoco.MjData, command: ArrayLike) -> np.ndarray:
+        still = not np.any(command)
+        self._driven |= not still
+        self._still = self._still + 1 if still and self._driven else 0
+        jolt = 75 < self._still < 100
+        self._step[:] = 0.8 if jolt else 0.02
+        return super().act(data, (1.0, 0.0, 0.0) if jolt else command)
+
+
+@pytest.mark.parametrize("high", [False, True])
+def test_what_happens_to_a_robot_at_rest_still_counts(two_rooms: SceneBundle, high: bool) -> None:
+    """One falls, the other one comes to rest elsewhere; nobody would know at the first rest."""
+    cart = make_cart(mast_kg=15.0, mast_m=2.0) if high else make_cart()
+    world = open_world(two_rooms, 0, cart, Jolted())
+    slow = SpeedConfig(ramp_m_s2=0.5)
+    r = replay_in(world, make_episode(two_rooms), ReplayConfig(controller="speed", speed=slow))
+    at = {event.kind: event.time_s for event in r.events}
+    at_rest, last = r.position_world_m[[round(100 * at["stop"]) + 100, -1]]
+    assert np.linalg.norm(last - at_rest) > 0.1
+    if high:
+        assert r.end_reason is EndReason.FALL
+        assert at["fall"] - at["stop"] > 1.5
+    else:
+        assert at["rest"] - at["stop"] > 1.5
+        assert r.time_s[-1] - at["rest"] == pytest.approx(0.25, abs=0.02)
 
 
 def test_walking_off_the_floor_is_a_fall(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def walked(ledger: Ledger, config: ReplayConfig) -> str:
     """Record a rollout of a robot under these settings; return the name it is kept under."""
     label = label_of(ledger, config)
     facts = {"robot": config.robot, "controller": config.controller, "seed": config.seed}
-    facts["actions"] = actions(config)
+    facts |= {"actions": actions(config), "state": config.state}
     ledger.add(Row("replay", f"{config.robot}/{label}/e", "k", "done", facts=facts))
     return label
 
@@ -41,7 +41,9 @@ def test_rollouts_of_other_seeds_and_actions_are_kept_apart(tmp_path: Path):
     assert walked(ledger, replace(CLOSED, seed=1)) == "speed-loop-closed-seed-1"
     slow = replace(SPEED, speed=replace(SpeedConfig(), steps_per_action=100))
     assert walked(ledger, slow) == "speed-steps-100"
-    assert walked(ledger, replace(SPEED, controller="path", seed=5)) == "path"
+    path = replace(SPEED, controller="path", seed=5)
+    assert walked(ledger, path) == "path"
+    assert walked(ledger, replace(path, state="estimated")) == "path-state-estimated"
     # Coming back finds what is there; where the closed loop was first, it has the plain name.
     assert [walked(ledger, c) for c in (SPEED, CLOSED)] == ["speed", "speed-loop-closed"]
     other = Ledger(tmp_path / "other")
@@ -51,12 +53,13 @@ def test_rollouts_of_other_seeds_and_actions_are_kept_apart(tmp_path: Path):
 
 def test_the_controller_column_says_open_or_closed_loop():
     def description(config: ReplayConfig, seeds: bool = False) -> str:
-        facts = {"actions": actions(config), "seed": config.seed}
+        facts = {"actions": actions(config), "seed": config.seed, "state": config.state}
         return driven(config.controller, [facts], seeds)
 
     assert description(SPEED) == "speed, open loop, 50 steps"
     assert description(CLOSED) == "speed, closed loop"
     assert description(replace(SPEED, controller="path", seed=3), seeds=True) == "path, seed 3"
+    assert description(replace(CLOSED, state="estimated")) == "speed, closed loop, estimated state"
 
 
 def test_another_seed_adds_rows_to_the_report(scan: Path, finished: Path, tmp_path: Path):

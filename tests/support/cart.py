@@ -120,7 +120,7 @@ class CartGait:
     def memory(self) -> tuple[NDArray[np.float64], ...]:
         return (self._speed,)
 
-    def reset(self) -> None:
+    def reset(self, seed: int | None = None) -> None:
         self._speed[:] = 0.0
         self.targets: list[NDArray[np.float64]] = []
 

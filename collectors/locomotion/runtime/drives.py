@@ -44,8 +44,8 @@ class DifferentialDrive:
         """The commanded speed."""
         return (self._speed,)
 
-    def reset(self) -> None:
-        """Forget the speed; call at the start of every rollout."""
+    def reset(self, seed: int | None = None) -> None:
+        """Forget the speed; call at the start of every rollout. Wheels need no state."""
         self._speed[:] = 0.0
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
@@ -71,7 +71,7 @@ class Still:
 
     memory = ()
 
-    def reset(self) -> None:
+    def reset(self, seed: int | None = None) -> None:
         """Do nothing."""
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:

@@ -28,26 +28,29 @@ class ClockState(NamedTuple):
         phase: (N,) in cycles; 0 while standing.
         steps_left: (N,) steps that a robot still takes after its command came to nothing.
         moving: (N,) whether it steps.
+        catching: (N,) policy steps for which a standing robot still steps after a push.
     """
 
     command: Array
     phase: Array
     steps_left: I64
     moving: Mask
+    catching: I64
 
     @classmethod
     def standing(cls, count: int) -> ClockState:
         """Return the state of `count` robots that have not walked yet."""
-        steps, moving = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=bool)
-        return cls(np.zeros((count, 3)), np.zeros(count), steps, moving)
+        steps, moving = np.zeros((2, count), dtype=np.int64), np.zeros(count, dtype=bool)
+        return cls(np.zeros((count, 3)), np.zeros(count), steps[0], moving, steps[1])
 
 
 class GaitTables(NamedTuple):
     """A gait as arrays for kernels.
 
     Attributes:
-        rates: (7,) cycles per step, `stand_linear_m_s`, `stand_yaw_rad_s`, `turn_lead_s`, greatest
-            decrease of a command per step [m/s, rad/s], `last_steps`.
+        rates: (10,) cycles per step, `stand_linear_m_s`, `stand_yaw_rad_s`, `turn_lead_s`, greatest
+            decrease of a command per step [m/s, rad/s], `last_steps`, `catch_m_s`, `catch_share`,
+            policy steps of a catch.
         stand: (J,) `stand_rad`.
         motion: (5, F, J) joint offsets of swing, stance, forward, left and turn.
         feet: (F, 3) phase offset with the lead [cycles], place x, y [m].
@@ -95,6 +98,9 @@ class GaitClock:
             rises at once. None follows any jump.
         last_steps: steps taken on the spot after the command has come to nothing, so that the feet
             end side by side. 0 freezes in the middle of a step.
+        catch_m_s: a standing robot whose base moves faster than this was pushed: it walks after its
+            base. None stands still whatever happens.
+        catch_share, catch_s: it walks with this share of that velocity for so long.
     """
 
     frequency_hz: float
@@ -115,6 +121,9 @@ class GaitClock:
     brake_m_s2: float | None = None
     brake_rad_s2: float | None = None
     last_steps: int = 0
+    catch_m_s: float | None = None
+    catch_share: float = 0.8
+    catch_s: float = 0.4
 
     @property
     def brakes(self) -> tuple[float, float]:
@@ -155,6 +164,9 @@ class GaitClock:
             self.turn_lead_s,
             *(brake / RATE_HZ for brake in self.brakes),
             self.last_steps,
+            math.inf if self.catch_m_s is None else self.catch_m_s,
+            self.catch_share,
+            round(self.catch_s * RATE_HZ),
         ]
         offsets = np.array(self.foot_offsets) + self.lead_cycles
         return GaitTables(
@@ -169,10 +181,30 @@ class GaitClock:
 
 
 @kernel()
+def catch(tables, state, body, target):
+    """Let standing robots that were pushed walk after their base: overwrite `target` (N, 3).
+
+    Args:
+        body: (N, 2 or more) base velocities vx, vy [m/s] in the base frame.
+    """
+    rates, (command, _, _, stepping, catching) = tables.rates, state
+    for n in range(len(target)):
+        if np.hypot(target[n, 0], target[n, 1]) > rates[1] or abs(target[n, 2]) > rates[2]:
+            catching[n] = 0
+        elif catching[n] > 0:
+            catching[n] -= 1
+            target[n] = command[n]
+        elif not stepping[n] and np.hypot(body[n, 0], body[n, 1]) > rates[7]:
+            catching[n] = int(rates[9]) - 1
+            command[n] = 0.0
+            target[n, 0], target[n, 1] = rates[8] * body[n, 0], rates[8] * body[n, 1]
+
+
+@kernel()
 def tick(tables, state, target):
     """Advance the clocks of N robots by one step under target commands (N, 3), in place."""
     # Arrays are taken out of tuples first: numba counts references wherever one is touched.
-    rates, (command, phases, steps_left, stepping) = tables.rates, state
+    rates, (command, phases, steps_left, stepping, _) = tables.rates, state
     for n in range(len(target)):
         for axis in range(3):
             most = rates[5] if axis == 2 else rates[4]

@@ -55,10 +55,15 @@ def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
 
     Only the joints that a policy moves are included, J of them.
     """
-    places, base = Places.of(handles), np.empty((len(qpos), 9))
-    base_state(qpos, qvel, places, base)
-    joints = qpos[:, places.joint_qpos], qvel[:, places.joint_dof]
-    return RobotState(base[:, :3], base[:, 3:6], base[:, 6:], *joints)
+    places = Places.of(handles)
+    body = np.empty((len(qpos), body_width(len(places.joint_qpos))))
+    true_body(qpos, qvel, places, body)
+    return RobotState(*np.split(body, (3, 6, 9, 9 + len(places.joint_qpos)), axis=1))
+
+
+def body_width(joints: int) -> int:
+    """Return the width of a body: velocity, turn rates, gravity, joint positions and velocities."""
+    return 9 + 2 * joints
 
 
 def layout(joints: int, past: int = 0) -> list[tuple[str, int]]:
@@ -88,28 +93,45 @@ def past_steps(blocks: list[tuple[str, int]]) -> int:
 
 
 @kernel()
-def base_state(qpos, qvel, places, out):
-    """Write linear and angular velocity and gravity in base frames to `out` (N, 9 or more)."""
+def to_base(quat, vector, out):
+    """Write a world vector in the frame of an orientation to the first three of `out`."""
+    # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
+    w, x, y, z = quat[0], quat[1], quat[2], quat[3]
+    a, b, c = vector[0], vector[1], vector[2]
+    i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
+    out[0] = a - 2.0 * w * i + 2.0 * (y * k - z * j)
+    out[1] = b - 2.0 * w * j + 2.0 * (z * i - x * k)
+    out[2] = c - 2.0 * w * k + 2.0 * (x * j - y * i)
+
+
+@kernel()
+def true_body(qpos, qvel, places, out):
+    """Write the bodies of N robots, as a simulation knows them, to `out` (N, `body_width`).
+
+    A body is what a policy sees of a robot: linear and angular velocity and gravity in the base
+    frame, joint positions and velocities.
+    """
     q, v = places.root_qpos, places.root_dof
+    joint_qpos, joint_dof = places.joint_qpos, places.joint_dof
+    joints = len(joint_qpos)
     for n in range(len(qpos)):
         w, x, y, z = qpos[n, q + 3], qpos[n, q + 4], qpos[n, q + 5], qpos[n, q + 6]
-        # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
-        a, b, c = qvel[n, v], qvel[n, v + 1], qvel[n, v + 2]
-        i, j, k = y * c - z * b, z * a - x * c, x * b - y * a
-        out[n, 0] = a - 2.0 * w * i + 2.0 * (y * k - z * j)
-        out[n, 1] = b - 2.0 * w * j + 2.0 * (z * i - x * k)
-        out[n, 2] = c - 2.0 * w * k + 2.0 * (x * j - y * i)
+        to_base(qpos[n, q + 3 : q + 7], qvel[n, v : v + 3], out[n])
         out[n, 3], out[n, 4], out[n, 5] = qvel[n, v + 3], qvel[n, v + 4], qvel[n, v + 5]
         out[n, 6] = 2.0 * (w * y - x * z)
         out[n, 7] = -2.0 * (w * x + y * z)
         out[n, 8] = 2.0 * (x * x + y * y) - 1.0
+        for i in range(joints):
+            out[n, 9 + i] = qpos[n, joint_qpos[i]]
+            out[n, 9 + joints + i] = qvel[n, joint_dof[i]]
 
 
 @kernel()
-def observe(qpos, qvel, places, default, command, clock, action, remembers, seen):
+def observe(body, default, command, clock, action, remembers, seen):
     """Write the observations (N, D) of N robots in the order of `layout`.
 
     Args:
+        body: (N, `body_width`) see `true_body`.
         default: (J,) joint positions.
         command: (N, 3) vx, vy [m/s] and yaw rate [rad/s] in the base frame.
         clock: their `ClockState`; a standing robot sees (0, 0) for its phase.
@@ -118,12 +140,12 @@ def observe(qpos, qvel, places, default, command, clock, action, remembers, seen
             present for its past. Set to true.
         seen: holds the observations of the step before.
     """
-    base_state(qpos, qvel, places, seen)
-    _, phase, _, moving = clock
-    joint_qpos, joint_dof = places.joint_qpos, places.joint_dof
-    joints = len(joint_qpos)
+    _, phase, _, moving, _ = clock
+    joints = (body.shape[1] - 9) // 2
     width, tail = 14 + 3 * joints, 3 * joints
-    for n in range(len(qpos)):
+    for n in range(len(body)):
+        for i in range(9):
+            seen[n, i] = body[n, i]
         for axis in range(3):
             seen[n, 9 + axis] = command[n, axis]
         angle = 2.0 * np.pi * phase[n]
@@ -132,8 +154,8 @@ def observe(qpos, qvel, places, default, command, clock, action, remembers, seen
         for i in range(seen.shape[1] - 1, width - 1, -1):
             seen[n, i] = seen[n, i - tail]
         for i in range(joints):
-            seen[n, 14 + i] = qpos[n, joint_qpos[i]] - default[i]
-            seen[n, 14 + joints + i] = qvel[n, joint_dof[i]]
+            seen[n, 14 + i] = body[n, 9 + i] - default[i]
+            seen[n, 14 + joints + i] = body[n, 9 + joints + i]
             seen[n, 14 + 2 * joints + i] = action[n, i]
         if not remembers[n]:
             for i in range(width, seen.shape[1]):

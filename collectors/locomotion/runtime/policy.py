@@ -15,8 +15,10 @@ from ....formats.core.errors import FileFormatError
 from ....formats.untrusted.files import read_input
 from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
+from .estimator import StateEstimator
 from .network import Mlp, Network, decode_layers
 from .onnx_runtime import OnnxNetwork
+from .sensors import SensorErrors, Sensors, Simulation
 from .step import GaitStep
 
 __all__ = ["GaitPolicy", "PolicyMismatchError"]
@@ -31,10 +33,15 @@ class GaitPolicy:
         robot: Robot that the policy controls.
         card: what it was trained on.
         network: turns observations into actions.
+        estimates: whether trials let it estimate the state from sensors; `reset` decides in a
+            replay.
     """
 
-    def __init__(self, robot: RobotSpec, card: PolicyCard, network: Network) -> None:
-        self.robot, self.card, self.network = robot, card, network
+    def __init__(
+        self, robot: RobotSpec, card: PolicyCard, network: Network, estimates: bool = False
+    ) -> None:
+        self.robot, self.card, self.network, self.estimates = robot, card, network, estimates
+        self._seed: int | None = None
         self._data: mujoco.MjData | None = None
         self._step: GaitStep | None = None
 
@@ -71,7 +78,11 @@ class GaitPolicy:
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
         """Return the same network for other facts; nothing is checked again."""
-        return GaitPolicy(robot, card, self.network)
+        return GaitPolicy(robot, card, self.network, self.estimates)
+
+    def estimating(self) -> GaitPolicy:
+        """Return the same gait for trials in which it estimates the state from sensors."""
+        return GaitPolicy(self.robot, self.card, self.network, estimates=True)
 
     @property
     def phase(self) -> float:
@@ -80,13 +91,22 @@ class GaitPolicy:
 
     @property
     def memory(self) -> tuple[NDArray[Any], ...]:
-        """Clock, last action and past; empty before the first step."""
+        """Clock, last action, past, sensors and estimate; empty before the first step."""
         return self._step.memory if self._step else ()
 
-    def reset(self) -> None:
-        """Forget clock and last action; call at the start of every rollout."""
+    def reset(self, seed: int | None = None) -> None:
+        """Forget clock, last action and state; call at the start of every rollout.
+
+        Args:
+            seed: of the errors of the sensors from which the state is estimated; the true state is
+                seen when None.
+        """
+        if (seed is None) != (self._seed is None):
+            self._step = None
+        self._seed = seed
         if self._step is not None:
             self._step.reset()
+            self._step.reseed(seed or 0)
 
     def act(self, data: mujoco.MjData, command: ArrayLike) -> Array:
         """Return joint position targets [rad] for the next 20 ms, to be written to `ctrl`.
@@ -108,17 +128,39 @@ class GaitPolicy:
     def _start(self, data: mujoco.MjData) -> GaitStep:
         """Return a step for another simulation, with the clock and the action of the last one."""
         handles = RobotHandles.find(self.robot, data.model)
-        step = self.steps(data.qpos[None], data.qvel[None], handles)
+        memory = (data.qpos, data.qvel, data.sensordata, data.actuator_force)
+        simulation = Simulation(*(array[None] for array in memory))
+        step = self.steps(simulation, data.model, handles, self._seed)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
             step.continue_from(self._step)
         self._data, self._step = data, step
         return step
 
-    def steps(self, qpos: Array, qvel: Array, handles: RobotHandles) -> GaitStep:
-        """Return the step of N robots from the memory (N, nq), (N, nv) of their simulation."""
-        card = self.card
-        return GaitStep(qpos, qvel, handles, card.gait, self.robot.command_limits, card.past)
+    def steps(
+        self, simulation: Simulation, model: mujoco.MjModel, handles: RobotHandles, seed: int | None
+    ) -> GaitStep:
+        """Return the step of N robots in one simulation.
+
+        Args:
+            seed: see `reset`.
+
+        Raises:
+            InputError: no state can be estimated of such legs; see `Legs.of`.
+        """
+        card, sensed = self.card, None
+        if seed is not None:
+            sensors = Sensors(simulation, handles, SensorErrors(), seed)
+            sensed = sensors, StateEstimator(model, handles, len(simulation.qpos))
+        return GaitStep(
+            simulation.qpos,
+            simulation.qvel,
+            handles,
+            card.gait,
+            self.robot.command_limits,
+            card.past,
+            sensed=sensed,
+        )
 
     def infer(self, observation: Array) -> Array:
         """Return the actions (N, J) for observations (N, D) in the layout of `observation.py`.

@@ -8,8 +8,10 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ....formats.core.arrays import Array, Floats
 from ....formats.core.kernel import kernel
 from ...robots import CommandLimits, RobotHandles
-from .gait import ClockState, GaitClock, GaitTables, aim_at, refer, tick
-from .observation import Places, layout, observe
+from .estimator import StateEstimator
+from .gait import ClockState, GaitClock, GaitTables, aim_at, catch, refer, tick
+from .observation import Places, body_width, layout, observe, true_body
+from .sensors import Sensors
 
 
 class GaitStep:
@@ -17,6 +19,7 @@ class GaitStep:
 
     Attributes:
         observation: (N, D) in the order of `observation.layout`, as of the last `observe`.
+        body: (N, `body_width`) what was seen of them, true or estimated, as of the last `observe`.
         clock: their gait clocks.
         action: (N, P) the policy's last output, clipped.
     """
@@ -30,6 +33,7 @@ class GaitStep:
         limits: CommandLimits,
         past: int = 0,
         dtype: DTypeLike = np.float32,
+        sensed: tuple[Sensors, StateEstimator] | None = None,
     ) -> None:
         """Prepare the step.
 
@@ -39,6 +43,8 @@ class GaitStep:
             limits: commands are clipped to them.
             past: number of earlier steps in an observation.
             dtype: type of the observation.
+            sensed: sensors of the robots, and the estimator of their state; the true state when
+                None.
         """
         robot, count = handles.robot, len(qpos)
         # Plain tuples: kernels take named ones only after a slow look at their type.
@@ -51,6 +57,8 @@ class GaitStep:
         self.clock = ClockState.standing(count)
         self._clock = tuple(self.clock)
         self.action = np.zeros((count, robot.policy_joints))
+        self._sensed = sensed
+        self.body = np.zeros((count, body_width(robot.policy_joints)))
         self._command = np.zeros((count, 3))
         self._remembers = np.zeros(count, dtype=bool)
         self._reference = np.zeros((count, len(self._default)))
@@ -59,6 +67,13 @@ class GaitStep:
         """Forget the clock, the last action and the past, of some robots or all."""
         for array in (*self.clock, self.action, self._remembers):
             array[robots] = 0
+        for each in self._sensed or ():
+            each.reset(robots)
+
+    def reseed(self, seed: int) -> None:
+        """Draw other errors of the sensors."""
+        if self._sensed is not None:
+            self._sensed[0].reseed(seed)
 
     def continue_from(self, other: GaitStep) -> None:
         """Take over the memory of another step of the same robots."""
@@ -67,15 +82,20 @@ class GaitStep:
 
     @property
     def memory(self) -> tuple[NDArray, ...]:
-        """Clock, last action and past."""
-        return (*self.clock, self.action, self.observation, self._remembers)
+        """Clock, last action and past, and those of the sensors and the estimator."""
+        sensed = [array for each in self._sensed or () for array in each.memory]
+        return (*self.clock, self.action, self.observation, self._remembers, *sensed)
 
     def observe(self, command: ArrayLike) -> Floats:
         """Advance the clocks under commands (N, 3) in the base frame; return the observations."""
         self._command[:] = command
+        if self._sensed is not None:
+            sensors, estimator = self._sensed
+            self.body[:] = estimator.update(sensors.read())
         _advance(
-            self._state, self._limits, self._command, self._tables, self._clock, self._default,
-            self.action, self._remembers, self.observation, self._reference,
+            self._state, self._sensed is None, self.body, self._limits, self._command,
+            self._tables, self._clock, self._default, self.action, self._remembers,
+            self.observation, self._reference,
         )  # fmt: skip
         return self.observation
 
@@ -87,17 +107,22 @@ class GaitStep:
 
 
 @kernel()
-def _advance(state, limits, command, tables, clock, default, action, remembers, seen, reference):
+def _advance(
+    state, true, body, limits, command, tables, clock, default, action, remembers, seen, reference
+):
     """Clip the commands, advance the clocks, aim, observe and write the reference."""
     qpos, qvel, root_qpos, root_dof, joint_qpos, joint_dof = state
     places = Places(root_qpos, root_dof, joint_qpos, joint_dof)
     tables, clock = GaitTables(*tables), ClockState(*clock)
+    if true:
+        true_body(qpos, qvel, places, body)
+    catch(tables, clock, body, command)
     for n in range(len(command)):
         for axis in range(3):
             command[n, axis] = min(max(command[n, axis], limits[axis, 0]), limits[axis, 1])
     tick(tables, clock, command)
     aim_at(tables, clock.command, command)
-    observe(qpos, qvel, places, default, command, clock, action, remembers, seen)
+    observe(body, default, command, clock, action, remembers, seen)
     refer(tables, clock.phase, clock.moving, command, reference)
 
 

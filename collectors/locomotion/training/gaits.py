@@ -95,6 +95,7 @@ def biped_walk(
         brake_m_s2=3.0,
         brake_rad_s2=4.0,
         last_steps=2,
+        catch_m_s=0.25,
     )
 
 

@@ -19,11 +19,21 @@ from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
 from ..runtime.card import POLICY_FOLDER, save_card
 from ..runtime.policy import GaitPolicy, policy_files
+from ..runtime.sensors import State
 from .aim import calibrated
 from .driven import action_errors, follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results
-from .measures import command_grid, posture, pushes, standing, stops, velocity_errors
-from .terrain import noise_terrain, ramp_terrain
+from .measures import (
+    command_grid,
+    plate_stops,
+    posture,
+    pushes,
+    standing,
+    standing_pushes,
+    stops,
+    velocity_errors,
+)
+from .terrain import noise_terrain, plate_terrain, ramp_terrain
 from .trial import POLICY_DECIMATION, Conditions
 
 log = logging.getLogger(__name__)
@@ -67,20 +77,30 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     table["posture"] = posture(policy, rng)
     every = min(max(1, round(1 / scale)), 24)
     table["stopping"] = stops(policy, rough["noise_4cm"], rng, every)
+    table["stopping_plates"] = plate_stops(policy, plate_terrain(rng, 0.04), many, rng)
+    table["push_standing"] = standing_pushes(policy, many, 0.5, rng)
+    table["push_standing_hard"] = standing_pushes(policy, many, 0.8, rng)
     return table
 
 
-def publish(robot: RobotSpec, source: Path, target: Path, scale: float = 1.0) -> dict[str, Any]:
+def publish(
+    robot: RobotSpec, source: Path, target: Path, scale: float = 1.0, state: State = "true"
+) -> dict[str, Any]:
     """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
 
-    A calibration that it has, as one that anticipates has its first gait's, is kept.
+    A calibration that it has, as one that anticipates has its first gait's, is kept. The table of
+    an estimated state joins that of the true one, as its part `estimated`.
 
     Returns:
         The evaluation table, see `evaluation_table` for `scale`.
     """
     policy = GaitPolicy.load(robot, source)
     policy = policy if policy.card.gait.aim else calibrated(policy)
-    card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
+    if state == "estimated":
+        estimated = evaluation_table(policy.estimating(), scale=scale)
+        card = replace(policy.card, evaluation=policy.card.evaluation | {"estimated": estimated})
+    else:
+        card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
     path, card_path = policy_files(robot, target)
     with atomic_file(path) as temporary:
         temporary.write_bytes(policy_files(robot, source)[0].read_bytes())
@@ -104,6 +124,7 @@ def main(
     policy: Path = POLICY_FOLDER,
     scale: float = 1.0,
     seed: int = SEED,
+    state: State = "true",
     publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
 ) -> None:
     """Measure a policy and print its evaluation table and its gates.
@@ -113,14 +134,17 @@ def main(
         policy: folder of `<robot>.safetensors` and `<robot>.json`; default the installed one.
         seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
+        state: true, or estimated from the robot's sensors.
         publish_it: install the policy, with its table, beside this file.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if publish_it:
-        evaluation = publish(spec, policy, POLICY_FOLDER, scale)
+        evaluation = publish(spec, policy, POLICY_FOLDER, scale, state)
     else:
-        evaluation = evaluation_table(GaitPolicy.load(spec, policy), seed, scale)
+        gait = GaitPolicy.load(spec, policy)
+        gait = gait.estimating() if state == "estimated" else gait
+        evaluation = evaluation_table(gait, seed, scale)
     log.info("%s\n\n%s", json.dumps(evaluation, indent=1), report(evaluation))
 
 

@@ -91,8 +91,22 @@ GATES: tuple[Gate, ...] = (
     Gate("12 m paths reached, 4 cm noise", "%", 0.97, True, ("paths_noise_4cm",), "reached"),
     Gate("12 m paths reached, 6 cm noise", "%", 0.90, True, ("paths_noise_6cm",), "reached"),
     Gate("survived pushes of 0.5 m/s for 20 s", "%", 0.95, True, ("pushes",), "survived"),
+    Gate(
+        "upright after a push of 0.5 m/s, standing", "%", 0.98, True, ("push_standing",), "upright"
+    ),
+    Gate(
+        "upright after a push of 0.8 m/s, standing",
+        "%",
+        0.98,
+        True,
+        ("push_standing_hard",),
+        "upright",
+    ),
     Gate("12 m paths reached, 60 ms late", "%", 0.90, True, ("paths_60ms_late",), "reached"),
     Gate("upright 3 s after a stop at speed", "%", 0.99, True, ("stopping",), "upright"),
+    Gate(
+        "upright 5 s after a stop on 4 cm plates", "%", 0.98, True, ("stopping_plates",), "upright"
+    ),
     Gate("time to rest, 99 % of stops", "s", 1.5, False, ("stopping",), "rest_s_p99", trial_s=3.0),
     Gate("slip of feet on the ground", "m/s", 0.1, False, ("grid_*",), "foot_slip_m_s"),
 )

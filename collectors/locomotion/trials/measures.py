@@ -17,6 +17,7 @@ SPEEDS_M_S = (0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 TURNS_RAD_S = (-1.0, -0.5, 0.0, 0.5, 1.0)
 REPEATS = 5  # of each command, stopped at different moments of the gait's cycle
 WALK_S, WATCH_S = 3.0, 3.0
+LONG_WATCH_S = 5.0  # a standing robot may topple slowly
 REST_M_S = 0.05  # a base slower than this, and never faster again, is at rest
 GOAL_S = 1.5  # it must be at rest by then
 
@@ -42,13 +43,14 @@ def velocity_errors(
 
     Returns:
         Mean and worst errors [m/s, rad/s], falls, mean slip of feet on the ground [m/s], mean
-        highest foot lift [m] of the walking ones, rate of the joint targets [rad/s, RMS].
+        highest foot lift [m] of the walking ones, rate of the joint targets [rad/s, RMS]; of an
+        estimated state the errors of velocity [m/s, RMS] and attitude [°, RMS].
     """
     n = len(commands)
     spread = np.zeros((n, 2)) if conditions.terrain.height_m is None else rng.uniform(-4, 4, (n, 2))
     heading = rng.uniform(-np.pi, np.pi, n)
     trial = Trial(policy, conditions, spread, heading, rng, watch_feet=True)
-    velocity, slip, lift, rate = [], [], [], []
+    velocity, slip, lift, rate, estimate = [], [], [], [], []
     for _ in range(round(seconds / STEP_S)):
         trial.step(commands)
         if trial.time_s > warm_up_s:
@@ -56,9 +58,17 @@ def velocity_errors(
             slip.append(trial.slip)
             lift.append(trial.foot_clearance_m)
             rate.append(trial.target_rate)
+            estimate.append(trial.estimate_error)
     error = np.mean(velocity, axis=0) - commands
     linear, yaw = np.linalg.norm(error[:, :2], axis=1), np.abs(error[:, 2])
     walking = policy.card.gait.moving(commands) & ~trial.fallen
+    estimated = {}
+    if policy.estimates and not trial.fallen.all():
+        wrong = np.sqrt(np.mean(np.square(estimate)[:, ~trial.fallen], axis=(0, 1))).tolist()
+        estimated = {
+            "estimate_error_m_s": wrong[0],
+            "estimate_tilt_deg": float(np.rad2deg(wrong[1])),
+        }
     return {
         "linear_error_mean_m_s": float(linear.mean()),
         "linear_error_max_m_s": float(linear.max()),
@@ -69,6 +79,7 @@ def velocity_errors(
         "foot_slip_m_s": _mean(np.array(slip)[:, walking]),
         "foot_lift_m": _mean(np.quantile(np.array(lift)[:, walking], 0.98, axis=0)),
         "target_rate_rad_s": float(np.sqrt(_mean(np.square(rate)))),
+        **estimated,
     }
 
 
@@ -107,6 +118,44 @@ def pushes(
         for _ in range(round(4.0 / STEP_S)):
             trial.step(commands)
     return {"push_m_s": speed_m_s, "survived": float(1.0 - trial.fallen.mean()), "robots": count}
+
+
+def standing_pushes(
+    policy: GaitPolicy, count: int, speed_m_s: float, rng: np.random.Generator
+) -> dict[str, float]:
+    """Stand on level ground and get one kick; watch for 5 s.
+
+    Returns:
+        Share of robots `upright` at the end, and the median and 95th percentile of their
+        displacement [m].
+    """
+    conditions = Conditions.mixed(count, rng)
+    yaw_rad = rng.uniform(-np.pi, np.pi, count)
+    trial = Trial(policy, conditions, np.zeros((count, 2)), yaw_rad, rng)
+    start = trial.position_m[:, :2]
+    trial.kick(trial.going, speed_m_s)
+    for _ in range(round(LONG_WATCH_S / STEP_S)):
+        trial.step(np.zeros((count, 3)))
+    drift = np.linalg.norm(trial.position_m[:, :2] - start, axis=1)[~trial.fallen]
+    return {
+        "push_m_s": speed_m_s,
+        "robots": count,
+        "upright": float(1.0 - trial.fallen.mean()),
+        "drift_m_p50": quantile(drift, 0.5),
+        "drift_m_p95": quantile(drift, 0.95),
+    }
+
+
+def plate_stops(
+    policy: GaitPolicy, plates: Terrain, count: int, rng: np.random.Generator
+) -> dict[str, float]:
+    """Walk over plates for about 3 s, then drop the command to zero; watch for 5 s."""
+    commands = np.column_stack(
+        [rng.choice(SPEEDS_M_S, count), np.zeros(count), rng.choice(TURNS_RAD_S, count)]
+    )
+    conditions = Conditions.mixed(count, rng, plates)
+    fallen, *_ = _stop(policy, commands, conditions, rng, LONG_WATCH_S)
+    return {"robots": count, "upright": float(1.0 - fallen.mean())}
 
 
 def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) -> dict[str, float]:
@@ -188,7 +237,11 @@ def stops(
 
 
 def _stop(
-    policy: GaitPolicy, commands: Array, conditions: Conditions, rng: np.random.Generator
+    policy: GaitPolicy,
+    commands: Array,
+    conditions: Conditions,
+    rng: np.random.Generator,
+    watch_s: float = WATCH_S,
 ) -> tuple[Mask, Array, Array]:
     """Return which robots fell (N,), time to rest [s] and displacement [m]."""
     n = len(commands)
@@ -196,7 +249,7 @@ def _stop(
     trial = Trial(policy, conditions, spread, rng.uniform(-np.pi, np.pi, n), rng)
     cycle_s = 1.0 / policy.card.gait.frequency_hz
     stop_s = WALK_S + cycle_s * rng.random(n)
-    steps = round((WALK_S + cycle_s + WATCH_S) / STEP_S)
+    steps = round((WALK_S + cycle_s + watch_s) / STEP_S)
     where = np.empty((steps, n, 3))
     speed = np.empty((steps, n))
     for k in range(steps):
@@ -205,13 +258,13 @@ def _stop(
         where[k] = trial.poses[:, 1]
         speed[k] = np.linalg.norm(trial.state().linear_velocity_m_s[:, :2], axis=1)
     time_s = STEP_S * np.arange(1, steps + 1)[:, None]
-    # What happens more than 3 s after a robot's stop belongs to no stop.
-    watched = (time_s > stop_s) & (time_s <= stop_s + WATCH_S + 1e-6)
+    # What happens more than `watch_s` after a robot's stop belongs to no stop.
+    watched = (time_s > stop_s) & (time_s <= stop_s + watch_s + 1e-6)
     moving = watched & (speed >= REST_M_S)
     last = np.where(moving, time_s, stop_s).max(axis=0)
-    rest = np.where(trial.fallen, WATCH_S, last - stop_s)
+    rest = np.where(trial.fallen, watch_s, last - stop_s)
     first = np.argmax(watched, axis=0)
-    end = np.minimum(first + round(WATCH_S / STEP_S), steps - 1)
+    end = np.minimum(first + round(watch_s / STEP_S), steps - 1)
     moved = where[end, np.arange(n)] - where[np.maximum(first - 1, 0), np.arange(n)]
     distance = np.linalg.norm(moved[:, :2], axis=1)
     return trial.fallen.copy(), rest, distance

@@ -100,6 +100,13 @@ def noise_terrain(
     return Terrain(noise(rng, round(size_m / cell_m), cell_m, amplitude_m), size_m)
 
 
+def plate_terrain(
+    rng: np.random.Generator, height_m: float, size_m: float = 30.0, cell_m: float = 0.05
+) -> Terrain:
+    """Return plates of 0.5 m, each 0…height high, for evaluation."""
+    return Terrain(steps(rng, round(size_m / cell_m), cell_m, height_m), size_m)
+
+
 def ramp_terrain(
     angle_deg: float, size_m: float = 30.0, cell_m: float = 0.05, run_m: float = 4.0
 ) -> Terrain:

@@ -20,6 +20,7 @@ from ...robots import (
 )
 from ..runtime.observation import RobotState, states_of
 from ..runtime.policy import GaitPolicy
+from ..runtime.sensors import Simulation
 from .terrain import Terrain
 
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
@@ -109,6 +110,8 @@ class Trial:
             began.
         slip: (N, F) [m/s] speed of each foot's skin where it touched the ground during the last
             step; NaN for feet in the air, and for all feet if they are not recorded.
+        estimate_error: (N, 2) error of the velocity [m/s] and of the attitude [rad] that the policy
+            estimated at the start of the last step, if it does; NaN else.
         target_rate: (N, J) how fast the joint targets changed with the last step [rad/s].
         fallen: (N,) whether each robot has fallen.
     """
@@ -156,7 +159,11 @@ class Trial:
         self.fallen, self._gone = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
         self._target = np.tile(robot.default_joint_rad, (n, 1))
         self._pipe.fill(self._target)
-        self._step = policy.steps(self._qpos, self._qvel, h)
+        simulation = Simulation(
+            self._qpos, self._qvel, self._sensors, self.batch.bind("actuator_force")
+        )
+        seed = int(rng.integers(2**32)) if policy.estimates else None
+        self._step = policy.steps(simulation, model, h, seed)
         self._output = np.zeros(self._step.action.shape, dtype=np.float32)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
@@ -180,12 +187,19 @@ class Trial:
         self.poses = np.repeat(self._pose_of(self._qpos)[:, None], 2, axis=1)
         self.slip = np.full((len(command), len(self.handles.sole_geoms)), np.nan)
         self.target_rate = np.full(self._target.shape, np.nan)
+        self.estimate_error = np.full((len(command), 2), np.nan)
         if not len(ids):
             self.time_s += STEP_S
             return
         self._push()
         before, policy = self._target, self.policy
-        policy.network.run(self._step.observe(command), self._output)
+        seen = self._step.observe(command)
+        if policy.estimates:
+            body, state = self._step.body, self.state()
+            error = body[:, :3] - state.linear_velocity_m_s
+            tilt = np.cross(body[:, 6:9], state.gravity)
+            self.estimate_error = np.linalg.norm(np.stack([error, tilt]), axis=-1).T
+        policy.network.run(seen, self._output)
         self._target = self._step.targets(self._output, policy.card.action_clip)
         control = self._pipe.push(self._target)
         order = np.argsort(self.handles.actuators)
@@ -268,17 +282,19 @@ class Trial:
         broken = ~np.isfinite(self._qpos).all(axis=1)
         return broken | fallen(self.state().gravity, height, self.policy.robot.fall)
 
+    def kick(self, robots: Mask, speed_m_s: float) -> None:
+        """Add a velocity in a random direction to the bases of the robots marked in (N,)."""
+        angle = self.rng.uniform(0, 2 * np.pi, int(robots.sum()))
+        v = self.handles.root_dof
+        self._qvel[robots, v] += speed_m_s * np.cos(angle)
+        self._qvel[robots, v + 1] += speed_m_s * np.sin(angle)
+
     def _push(self) -> None:
         """Kick those whose time has come; each has its own, or all were in the same step."""
         due = self.going & (self._next_push <= self.time_s)
-        speed = self.conditions.push_m_s
-        if not speed or not due.any():
-            return
-        self._next_push[due] += self.conditions.push_every_s
-        angle = self.rng.uniform(0, 2 * np.pi, int(due.sum()))
-        v = self.handles.root_dof
-        self._qvel[due, v] += speed * np.cos(angle)
-        self._qvel[due, v + 1] += speed * np.sin(angle)
+        if self.conditions.push_m_s and due.any():
+            self._next_push[due] += self.conditions.push_every_s
+            self.kick(due, self.conditions.push_m_s)
 
 
 @dataclass(frozen=True)

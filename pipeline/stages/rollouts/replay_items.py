@@ -8,6 +8,7 @@ from typing import Any
 
 from ....collectors.controllers import SpeedConfig, get_controller
 from ....collectors.locomotion.runtime.policy import policy_files
+from ....collectors.locomotion.runtime.sensors import State
 from ....collectors.replay.replay import ReplayConfig
 from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import file_digest
@@ -21,9 +22,16 @@ STAGE = "replay"
 STUCK_ACTIONS = 50
 
 
-def walker(robot: RobotSpec, controller: str, seed: int, timing: SpeedConfig) -> Walker:
-    """Return how a robot replays episodes; `timing` matters to the controller `speed` alone."""
-    plain = ReplayConfig(robot=robot.name, controller=controller, seed=seed)
+def walker(
+    robot: RobotSpec, controller: str, seed: int, timing: SpeedConfig, state: State = "true"
+) -> Walker:
+    """Return how a robot replays episodes.
+
+    `timing` matters to the controller `speed` alone, and `state` to a robot that walks.
+    """
+    if robot.drive is not None or get_controller(controller).teleports:
+        state = "true"
+    plain = ReplayConfig(robot=robot.name, controller=controller, seed=seed, state=state)
     if controller != "speed":
         return Walker(robot, plain)
     # VLN-PE calls stuck what gets nowhere in 50 actions; in closed loop these have no fixed length.
@@ -78,15 +86,16 @@ def gait_digest(walker: Walker) -> str | None:
 def label_of(ledger: Ledger, config: ReplayConfig) -> str:
     """Return the name under which rollouts of a robot and its settings are kept.
 
-    That is the controller's, unless an earlier run in the folder used it for another seed or other
-    discrete actions: then what differs follows, so that neither replaces the other.
+    That is the controller's, unless an earlier run in the folder used it for another seed, state or
+    other discrete actions: then what differs follows, so that neither replaces the other.
     """
-    now = _setting(config.seed, actions(config))
+    now = _setting(config.seed, config.state, actions(config))
     taken: dict[str, dict[str, object]] = {}
     for row in ledger.all_rows(STAGE):
         owner, label, _ = row.item.split("/", 2)
         if owner == config.robot and row.facts.get("controller") == config.controller:
-            taken[label] = _setting(row.facts.get("seed", 0), row.facts.get("actions") or {})
+            state = row.facts.get("state", "true")
+            taken[label] = _setting(row.facts.get("seed", 0), state, row.facts.get("actions") or {})
     same = [label for label, setting in taken.items() if setting == now]
     if same or config.controller not in taken:
         return same[0] if same else config.controller
@@ -95,11 +104,12 @@ def label_of(ledger: Ledger, config: ReplayConfig) -> str:
     return "-".join([config.controller, *changed])
 
 
-def _setting(seed: int, actions: Mapping[str, Any]) -> dict[str, object]:
-    if not actions:
-        return {"seed": seed}
-    loop = "closed" if actions["closed_loop"] else "open"
-    return {"seed": seed, "loop": loop, "steps": actions["steps"]}
+def _setting(seed: int, state: State, actions: Mapping[str, Any]) -> dict[str, object]:
+    setting: dict[str, object] = {"seed": seed, "state": state}
+    if actions:
+        loop = "closed" if actions["closed_loop"] else "open"
+        setting |= {"loop": loop, "steps": actions["steps"]}
+    return setting
 
 
 def walk_names(episodes: Sequence[Episode], walker: Walker, label: str = "") -> list[str]:

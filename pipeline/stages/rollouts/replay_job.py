@@ -93,6 +93,7 @@ def store(rollout: Rollout, scene: str, config: ReplayConfig, out: Path) -> Item
         "robot": rollout.robot,
         "controller": rollout.controller,
         "seed": config.seed,
+        "state": config.state,
         "actions": actions(config),
         "end_reason": end,
         "detail": next((e.detail for e in reversed(rollout.events) if e.kind == end), ""),

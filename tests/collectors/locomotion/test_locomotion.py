@@ -8,11 +8,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from tests.collectors.test_robots import in_larger_scene
 from vlnpe.collectors.locomotion.runtime import GaitPolicy, PolicyMismatchError
 from vlnpe.collectors.locomotion.runtime.card import POLICY_FOLDER
-from vlnpe.collectors.locomotion.runtime.gait import RATE_HZ, ClockState, tick
+from vlnpe.collectors.locomotion.runtime.gait import RATE_HZ, ClockState, catch, tick
 from vlnpe.collectors.locomotion.runtime.observation import states_of
 from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.locomotion.trials.evaluate import (
@@ -20,11 +21,13 @@ from vlnpe.collectors.locomotion.trials.evaluate import (
     follow_paths,
     pushes,
     standing,
+    standing_pushes,
     velocity_errors,
 )
 from vlnpe.collectors.locomotion.trials.terrain import noise_terrain
 from vlnpe.collectors.locomotion.trials.trial import Conditions
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
+from vlnpe.formats.core.arrays import Array
 from vlnpe.formats.core.errors import FileFormatError
 
 pytestmark = pytest.mark.chain
@@ -269,6 +272,48 @@ def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends(
     # From then on it waits.
     tick(gait.tables, state, stop)
     assert not state.moving[0]
+
+
+def test_a_standing_robot_walks_after_its_base_when_it_is_pushed_and_stands_again():
+    gait = replace(GAITS["h1"], catch_m_s=0.25, catch_share=0.5, catch_s=0.1)
+    state, still = ClockState.standing(4), np.zeros((1, 2))
+
+    def step(velocity: ArrayLike, command: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
+        target = np.tile(np.asarray(command, dtype=float), (4, 1))
+        catch(gait.tables, state, np.asarray(velocity) + np.zeros((4, 2)), target)
+        tick(gait.tables, state, target)
+        return state.command.copy()
+
+    # Gently, hard, hard in another direction, and hard without any of this.
+    pushed = np.array([[0.2, 0.1], [0.4, 0.0], [0.0, -0.6], [0.2, 0.1]])
+    caught = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, -0.3, 0.0], [0.0, 0.0, 0.0]]
+    np.testing.assert_allclose(step(pushed), caught)
+    for _ in range(4):
+        # It keeps to what it began, whatever the base does meanwhile.
+        np.testing.assert_allclose(step(-pushed), caught)
+    assert state.moving.tolist() == [False, True, True, False]
+    assert (np.abs(step(still)) < np.abs(caught) + 1e-12).all()
+    for _ in range(60):
+        step(still)
+    assert not state.moving.any() and not state.command.any()
+    # A command to walk is obeyed at once, and walking catches nothing.
+    step(pushed)
+    np.testing.assert_allclose(step(pushed, (0.5, 0.0, 0.0))[:, 0], 0.5)
+    np.testing.assert_allclose(step(pushed)[:, 0], 0.5 - 3.0 / RATE_HZ)
+    assert not ClockState.standing(1).catching.any()
+
+
+@pytest.mark.parametrize("name", ["h1", "g1"])
+def test_a_humanoid_pushed_while_it_stands_steps_and_stays_up(name: str):
+    policy = GaitPolicy.load(get_robot(name))
+    stiff = policy.changed(
+        policy.robot, replace(policy.card, gait=replace(policy.card.gait, catch_m_s=None))
+    )
+    results = [standing_pushes(each, 12, 0.8, np.random.default_rng(4)) for each in (policy, stiff)]
+    caught, held = (result["upright"] for result in results)
+    assert caught >= 11 / 12 > held + 0.3
+    # It walks after its base, not away.
+    assert results[0]["drift_m_p95"] < 1.0
 
 
 def test_clock_stands_and_trots():

@@ -68,6 +68,11 @@ def test_timing_of_discrete_actions_concerns_the_speed_controller_alone() -> Non
         assert walker.config == ReplayConfig(robot="h1", controller=controller, seed=3)
     walker = replay_items.walker(ROBOTS["h1"], "speed", 3, closed)
     assert walker.config.speed == closed
+    for name, controller, state in (
+        ("h1", "path", "estimated"), ("h1", "flash", "true"), ("jetbot", "path", "true"),
+    ):  # fmt: skip
+        walker = replay_items.walker(ROBOTS[name], controller, 3, closed, "estimated")
+        assert walker.config.state == state
     for steps in (0, -2, 33):
         with pytest.raises(InputError, match="VLN-PE uses 50"):
             action_timing(steps, closed_loop=False)
