@@ -40,6 +40,7 @@ class GaitLoop:
     def reset(self):
         """Forget everything; call before the first step."""
         self.command, self.phase, self.steps_left = [0.0, 0.0, 0.0], 0.0, 0
+        self.moving, self.catching = False, 0
         self.action, self.recent = np.zeros(self.joints), None
 
     def step(self, quat_wxyz, gyro_rad_s, velocity_base_m_s, joint_rad, joint_rad_s, command):
@@ -51,10 +52,11 @@ class GaitLoop:
             joint_rad, joint_rad_s: (J,) positions and velocities, in the card's order.
             command: vx, vy [m/s] and yaw rate [rad/s]; nearly zero means "stand still".
         """
+        command = self.catch(velocity_base_m_s, command)
         wanted = [
             min(max(float(c), lo), hi) for c, (lo, hi) in zip(command, self.limits, strict=True)
         ]
-        moving = self.tick(wanted)
+        moving = self.moving = self.tick(wanted)
         asked = self.aim(self.command)
         angle = 2.0 * math.pi * self.phase
         w, x, y, z = (float(q) for q in quat_wxyz)
@@ -73,6 +75,28 @@ class GaitLoop:
         targets[:n] += self.card["action_scale_rad"] * self.action
         return targets
 
+    def walks(self, command):
+        """Return whether a command asks for walking."""
+        vx, vy, yaw = command
+        linear_m_s, yaw_rad_s = (
+            self.card["gait"][f"stand_{k}"] for k in ("linear_m_s", "yaw_rad_s")
+        )
+        return math.hypot(vx, vy) > linear_m_s or abs(yaw) > yaw_rad_s
+
+    def catch(self, velocity_base_m_s, command):
+        """Return the command; a standing robot that was pushed walks after its base instead."""
+        gait, (vx, vy, _) = self.card["gait"], velocity_base_m_s
+        if self.walks(command):
+            self.catching = 0
+        elif self.catching > 0:
+            self.catching -= 1
+            return list(self.command)
+        elif not self.moving and math.hypot(vx, vy) > (gait.get("catch_m_s") or math.inf):
+            self.catching = round(gait["catch_s"] * self.card["rate_hz"]) - 1
+            self.command = [0.0, 0.0, 0.0]
+            return [gait["catch_share"] * vx, gait["catch_share"] * vy, command[2]]
+        return command
+
     def tick(self, wanted):
         """Follow the command no faster than the gait brakes; return whether the robot steps."""
         gait, rate_hz = self.card["gait"], self.card["rate_hz"]
@@ -84,8 +108,7 @@ class GaitLoop:
                 new = old + min(max(new - old, -most), most)
             self.command[axis] = new
         phase = self.phase + gait["frequency_hz"] / rate_hz
-        vx, vy, yaw = self.command
-        moving = math.hypot(vx, vy) > gait["stand_linear_m_s"] or abs(yaw) > gait["stand_yaw_rad_s"]
+        moving = self.walks(self.command)
         if moving:
             self.steps_left = gait["last_steps"]
         elif self.steps_left > 0:

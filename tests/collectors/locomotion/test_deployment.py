@@ -49,6 +49,8 @@ def test_the_loop_reproduces_another_walk_bit_by_bit(
     for step in range(300):
         if step % 25 == 10:
             command = rng.uniform(-1.2, 1.2, 3) * (rng.random() > 0.2)
+        if step == 5:  # while it stands
+            data.qvel[handles.root_dof : handles.root_dof + 2] += 0.4, 0.3
         if step % 90 == 60:
             data.qvel[handles.root_dof : handles.root_dof + 2] += rng.normal(0, 0.3, 2)
         state, q = states_of(data.qpos[None], data.qvel[None], handles), handles.root_qpos
