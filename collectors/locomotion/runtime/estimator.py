@@ -14,17 +14,17 @@ from .legs import GRAVITY_M_S2, Legs, dot, foot_motion
 from .observation import body_width
 
 # Seconds over which feet that stay correct the attitude, fewer at the start; and over which the
-# gyro's mean is its bias, where the robot rests.
-TILT_S, FIRST_S, REST_S = 1.0, 0.2, 0.5
-QUIET_RAD_S = 0.5  # joints slower than this: the robot stands
+# gyro's mean is its bias, where joints and body are this slow.
+TILT_S, FIRST_S, REST_S = 1.0, 0.4, 5.0
+QUIET_RAD_S, LEVEL_RAD_S = 0.5, 0.05
 # A foot counts as loaded from the first share of the robot's weight on, fully from the second.
 LIGHT, LOADED = 0.1, 0.3
 # Motors of a straight leg hardly feel its load: a foot counts for this much at least, if it is the
 # lowest one, and 1/e as much for every further height above it [m].
 LEAST, HIGHER_M = 0.1, 0.02
-# Standard deviations [m/s]: of the velocity that the accelerometer gains in a policy step, and of
-# the skin of a foot that stands.
-DRIFT_M_S, SKIN_M_S = 0.01, 0.05
+# Standard deviations [m/s]: of the velocity that the accelerometer gains in a policy step, of the
+# skin of a foot that stands, and of a robot that is said to stand.
+DRIFT_M_S, SKIN_M_S, FIRST_M_S = 0.01, 0.05, 0.1
 
 
 class Readings(NamedTuple):
@@ -116,9 +116,10 @@ def _update(readings, legs, memory, body):
     for n in range(len(body)):
         down, bias, velocity = downs[n], biases[n], velocities[n]
         if ages[n] == 0.0:
-            down[2] = -1.0
+            down[2], variances[n] = -1.0, FIRST_M_S**2
         ages[n] += dt
         resting = np.abs(joint_rad_s[n]).max() < QUIET_RAD_S
+        resting &= np.abs(gyro[n] - bias).max() < LEVEL_RAD_S
         for i in range(3):
             if resting:
                 bias[i] += dt / min(ages[n], REST_S) * (gyro[n, i] - bias[i])
