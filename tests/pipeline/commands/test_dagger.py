@@ -83,6 +83,14 @@ def test_labels_are_the_experts_and_actions_the_mixtures(
     (records,) = converted.rglob("annotations.json")
     record = json.loads(records.read_text())[0]
     assert record["actions"][1:] == first[:-1]  # of the frames, not of the motion
+    # What was done and what was advised survive MCAP and the way back.
+    there, back = tmp_path / "mcap", tmp_path / "back"
+    assert main(["convert", str(dataset), "--to", "mcap", "--out", str(there)]) == 0
+    (files,) = {path.parent for path in there.rglob("*.mcap")}
+    assert main(["convert", str(files), "--to", "lerobot", "--out", str(back)]) == 0
+    (again,) = back.glob("lerobot/*/data/**/*.parquet")
+    columns = ["action.discrete", "action.executed"]
+    assert pq.read_table(again, columns=columns) == pq.read_table(data, columns=columns)
 
 
 def test_an_expert_alone_arrives_and_a_run_is_resumed(
