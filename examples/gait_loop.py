@@ -185,6 +185,36 @@ class GaitLoop:
         return motors
 
 
+class VelocityInterface:
+    """Between cmd_vel and the gait: limits, and zero when commands fail to come."""
+
+    def __init__(self, card, timeout_s=0.5):
+        safety = card["deployment"]["safety"]
+        limits = [safety["command"][axis] for axis in ("vx_m_s", "vy_m_s", "yaw_rad_s")]
+        self.low, self.high = np.array(limits).T
+        self.roll_rad, self.pitch_rad = safety["roll_rad"], safety["pitch_rad"]
+        self.timeout_s, self.command, self.since_s = timeout_s, np.zeros(3), -math.inf
+
+    def put(self, vx_m_s, vy_m_s, yaw_rad_s, now_s):
+        """Take a command; one that is not finite counts as zero."""
+        command = np.array([vx_m_s, vy_m_s, yaw_rad_s], float)
+        finite = np.isfinite(command).all()
+        self.command = np.clip(command, self.low, self.high) if finite else np.zeros(3)
+        self.since_s = now_s
+
+    def get(self, now_s):
+        """Return the command (3,) for the gait: zero once the last one is too old."""
+        late = not 0.0 <= now_s - self.since_s <= self.timeout_s
+        return np.zeros(3) if late else self.command
+
+    def upright(self, quat_wxyz):
+        """Return whether roll and pitch are within the card's limits; cut the motors if not."""
+        w, x, y, z = quat_wxyz
+        roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+        pitch = math.asin(min(max(2.0 * (w * y - x * z), -1.0), 1.0))
+        return abs(roll) <= self.roll_rad and abs(pitch) <= self.pitch_rad
+
+
 def read_layers(path):
     """Return the columns (inputs, outputs) and the bias of each layer in a safetensors file."""
     content = Path(path).read_bytes()

@@ -114,10 +114,11 @@ GATES: tuple[Gate, ...] = (
 
 def gate_results(evaluation: Mapping[str, Any]) -> list[GateResult]:
     """Compare an evaluation table (`PolicyCard.evaluation`) with all gates, in their order."""
-    return [GateResult(gate, _worst(gate, evaluation)) for gate in GATES]
+    return [GateResult(gate, worst_of(gate, evaluation)) for gate in GATES]
 
 
-def _worst(gate: Gate, evaluation: Mapping[str, Any]) -> float | None:
+def worst_of(gate: Gate, evaluation: Mapping[str, Any]) -> float | None:
+    """Return the worst of the numbers that a gate judges, None where the table holds none."""
     numbers = [
         float(evaluation[name][gate.key])
         for name in _matching(gate.tables, evaluation)
