@@ -68,7 +68,7 @@ class Drive:
         if ended is not None:
             raise InputError(f"episode {episode.episode_id} cannot be started here: {ended}")
         self._path, self._header = path, header
-        self._journal = Journal(path) if header is None else None
+        self._journal: Journal | None = None
         self.run.on_decision = self._decided
         self._first = self.run.checkpoint()
         self._checkpoints: list[Checkpoint] = []
@@ -130,7 +130,7 @@ class Drive:
 
     @property
     def _written(self) -> Journal:
-        """The journal, begun now if there is none."""
+        """The journal, begun or gone on with now."""
         if self._journal is None:
             self._journal = Journal(self._path, self._header)
         return self._journal
@@ -143,10 +143,13 @@ class Drive:
         """Repeat what was decided before."""
         self.controls.recorded = recording.decisions
         last = max(recording.decisions, default=-1)
-        while self.end is None and self.run.tick <= last:
-            self.step()
-            _check(self.run, recording, path)
-        self.controls.recorded = {}
+        try:
+            while self.run.tick <= last:
+                if not self.step():  # it ended before, or has no decision here
+                    raise _other_physics(self.run, path)
+                _check(self.run, recording, path)
+        finally:  # the next drive has the same controls
+            self.controls.recorded = {}
 
 
 def replay_drive(
@@ -243,11 +246,15 @@ def _check(run: EpisodeRun, recording: Recording, path: Path) -> None:
     """Raise unless the state is the one that the journal has for this tick, if it has one."""
     digest = recording.digests.get(run.tick)
     if digest is not None and not run.ending.begun and digest != state_digest(run.world):
-        raise FileFormatError(
-            path,
-            f"physics gives another state at {run.tick / STATE_RATE_HZ:.0f} s than the drive had: "
-            "it was driven with another version of vlnpe, or on another kind of processor",
-        )
+        raise _other_physics(run, path)
+
+
+def _other_physics(run: EpisodeRun, path: Path) -> FileFormatError:
+    return FileFormatError(
+        path,
+        f"physics gives another state at {run.tick / STATE_RATE_HZ:.0f} s than the drive had: it "
+        "was driven in another version of the scene or of vlnpe, or on another kind of processor",
+    )
 
 
 def _no_end(path: Path) -> FileFormatError:

@@ -39,8 +39,22 @@ class Recording:
     undone: list[tuple[int, int]] = field(default_factory=list)
     kept: dict[str, Any] | None = None
 
-    def undo(self, tick: int, to: int) -> None:
-        """Take back what was decided from tick `to` on."""
+    def take(self, line: Mapping[str, Any]) -> None:
+        """Take a line of the journal after its first; raise ValueError if it is of no kind."""
+        match line:
+            case {"at": [tick, command, action, done]}:
+                chosen = None if action is None else Action(action)
+                self.decisions[tick] = Decision(tuple(command), chosen, done)
+            case {"tick": tick, "state": digest}:
+                self.digests[tick] = digest
+            case {"undo": [tick, to]}:
+                self._undo(tick, to)
+            case {"kept": dict() as closing}:
+                self.kept = closing
+            case _:
+                raise ValueError(f"{sorted(line)}")
+
+    def _undo(self, tick: int, to: int) -> None:
         self.undone.append((tick, to))
         self.decisions = {t: d for t, d in self.decisions.items() if t < to}
         self.digests = {t: d for t, d in self.digests.items() if t <= to}
@@ -58,18 +72,11 @@ def read_journal(path: Path) -> Recording:
             if line.get("format") != FORMAT:
                 raise FileFormatError(path, f"not a journal of `vlnpe drive`; valid: {FORMAT!r}")
             recording = Recording(line)
-        elif "at" in line:
-            tick, command, action, done = line["at"]
-            chosen = None if action is None else Action(action)
-            recording.decisions[tick] = Decision(tuple(command), chosen, done)
-        elif "state" in line:
-            recording.digests[line["tick"]] = line["state"]
-        elif "undo" in line:
-            recording.undo(*line["undo"])
-        elif "kept" in line:
-            recording.kept = line["kept"]
-        else:
-            raise FileFormatError(path, f"line {number} is of no known kind: {sorted(line)}")
+            continue
+        try:
+            recording.take(line)
+        except (KeyError, TypeError, ValueError) as error:
+            raise FileFormatError(path, f"line {number} is of no known kind: {error!r}") from error
     if recording is None:
         raise FileFormatError(path, "empty; a journal begins with the settings of its drive")
     return recording

@@ -1,6 +1,5 @@
 """Command `drive`: a person drives, and the drives become a dataset."""
 
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -64,8 +63,7 @@ def run(options: Drive) -> int:
         )
         with warnings_logged():
             if options.finish:
-                for line in session.finish():
-                    sys.stderr.write(f"left as it is: {line}\n")
+                session.finish()
             else:
                 session.live()
         text = "no drive was kept; a drive can be kept once it has ended"
@@ -73,7 +71,8 @@ def run(options: Drive) -> int:
             page = make_dataset(current, robot, views[0], drives)
             ledger = context.ledger
             text = f"{robot_table(robot_rows(ledger))}\n\n{looking_commands(ledger, page)}"
-    return print_stages(options, current.summaries, text, drives=len(drives))
+    left = {str(path): reason for path, reason in session.left.items()}
+    return print_stages(options, current.summaries, text, drives=len(drives), left=left)
 
 
 def make_dataset(run: Run, robot: RobotSpec, view: View, drives: list[drive_items.Driven]) -> Path:

@@ -13,7 +13,6 @@ from ...collectors.driving.drive import Drive
 from ...evaluation.observation import Eye
 from ...formats.core.errors import InputError
 from ...formats.core.rollout import EndReason
-from ...wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
 from .desk import Desk
 
 STEP_S = 0.02
@@ -54,8 +53,6 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
         `KEPT` or `LEFT`. A drive that was left can be gone on with.
     """
     drive, run = seat.drive, seat.drive.run
-    goal = run.episode.goal_position_world_m[:2]
-    field = None if seat.free else distance_field(run.world.freemap, goal, AGENT_RADIUS_M)
     paused, moved, note, jpeg, drawn = False, False, "", b"", None
     pace: deque[tuple[float, float]] = deque(maxlen=round(2.0 / STEP_S))
     due_s = frame_s = clock()
@@ -97,7 +94,7 @@ def drive_live(seat: Seat, desk: Desk, clock: Callable[[], float] = time.monoton
             if drawn != run.tick:
                 jpeg, drawn = encoded(seat.eye.look()[0]), run.tick
             state = "ended" if drive.end else "paused" if paused else "moving" if moved else "waits"
-            shown = _state(seat, field) | {"state": state, "note": note, "pace": _pace(pace)}
+            shown = _state(seat) | {"state": state, "note": note, "pace": _pace(pace)}
             desk.show(jpeg, shown | {"number": heard[0], "answer_ms": answer_ms})
             frame_s = max(frame_s + FRAME_S, now_s)
         time.sleep(max(due_s - clock(), 0.0))
@@ -109,10 +106,9 @@ def encoded(rgb: np.ndarray) -> bytes:
     return cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes()
 
 
-def _state(seat: Seat, field: DistanceField | None) -> dict[str, Any]:
+def _state(seat: Seat) -> dict[str, Any]:
     drive, run = seat.drive, seat.drive.run
     pose = run.world.pose
-    left_m = float(field.at(np.array([[pose.x_m, pose.y_m]]))[0]) if field else None
     contacts = [event.detail for event in run.events[-3:] if event.kind == "contact"]
     return {
         "title": seat.title,
@@ -122,7 +118,6 @@ def _state(seat: Seat, field: DistanceField | None) -> dict[str, Any]:
         "pose": [round(pose.x_m, 3), round(pose.y_m, 3), round(pose.yaw_rad, 3)],
         "speed_m_s": round(run.watch.speed_m_s(), 2),
         "command": [round(value, 3) for value in run.command],
-        "left_m": left_m if left_m is None or not np.isfinite(left_m) else round(left_m, 2),
         "touched": contacts[-1] if contacts else "",
         "end": _end(seat),
     }

@@ -1,10 +1,11 @@
 """A session: one drive after another, until the person closes it."""
 
+import itertools
 import random
 import sys
-import webbrowser
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +16,6 @@ from skimage.measure import label
 
 from ...collectors.driving.controls import Controls
 from ...collectors.driving.drive import Drive
-from ...collectors.driving.journal import read_journal
 from ...collectors.replay.world import World
 from ...collectors.robots import RobotSpec
 from ...evaluation.observation import Eye
@@ -25,6 +25,7 @@ from ...formats.mcap.facts import episode_from_json, episode_to_json
 from ...formats.scene.bundle import load_bundle
 from ...rendering.camera.views import View
 from ...rendering.registry import scene_renderer_name
+from ...viewer.gate import open_page
 from ...wayfinding.planning import floor_z
 from ..collect.run import Run
 from ..options.drive import Drive as Options
@@ -35,6 +36,7 @@ from ..stages.rollouts.replay_job import Walker, open_level
 from ..summary import has_display
 from .desk import Desk
 from .loop import LEFT, Seat, drive_live
+from .output import never_waiting
 from .server import PageServer
 
 SPARE_M = 0.15  # free drives start with so much room around the robot
@@ -69,6 +71,7 @@ class Session:
     Attributes:
         scenes: folders of repaired scenes by id.
         episodes: to drive along; free drives when None.
+        left: why a drive in the run could not be gone on with, by its journal's path.
     """
 
     run: Run
@@ -77,6 +80,7 @@ class Session:
     view: View
     scenes: Mapping[str, Path]
     episodes: list[Episode] | None
+    left: dict[Path, str] = field(default_factory=dict)
 
     def live(self) -> None:
         """Let a person drive in the browser until the session is closed there."""
@@ -84,36 +88,31 @@ class Session:
         server = PageServer(desk, self.options.port)
         sys.stderr.write(f"drive {self.robot.name}: {server.url}\nCtrl-C leaves; Close ends\n")
         if self.options.open and has_display():
-            webbrowser.open(server.url)
-        try:
+            open_page(server.url)
+        with closing(server), never_waiting():
             for task in self.tasks():
-                drive, world = self._opened(task, desk.controls)
-                try:
+                with self._opened(task, desk.controls) as opened:
+                    if opened is None:
+                        continue
+                    drive, world = opened
                     seat = Seat(drive, self._eye(world), task.title, free=task.header["free"])
                     if drive_live(seat, desk) == LEFT:
                         break
-                finally:
-                    drive.close()
-                    self.run.context.ledger.record([task.path])
-        finally:
-            server.close()
 
-    def finish(self) -> list[str]:
-        """End interrupted drives where they are; return one line for each that cannot be kept."""
-        left = []
+    def finish(self) -> None:
+        """End interrupted drives where they are, and keep them."""
         for task in self.interrupted():
-            drive, _ = self._opened(task, controls := Controls())
-            try:
+            with self._opened(task, controls := Controls()) as opened:
+                if opened is None:
+                    continue
+                drive, _ = opened
                 controls.stop()
                 while drive.end is None:
                     drive.step()
-                drive.keep(drive.own_episode if task.header["free"] else task.episode)
-            except InputError as error:
-                left.append(f"{task.path.name}: {error}")
-            finally:
-                drive.close()
-                self.run.context.ledger.record([task.path])
-        return left
+                try:
+                    drive.keep(drive.own_episode if task.header["free"] else task.episode)
+                except InputError as error:
+                    self._leave(task.path, str(error))
 
     def tasks(self) -> Iterator[Task]:
         """Return interrupted drives, then new ones: of each episode, or free ones without end."""
@@ -129,17 +128,28 @@ class Session:
         names = item_names(self.episodes)
         for k, (name, episode) in enumerate(zip(names, self.episodes, strict=True), start=1):
             path = folder / f"{name}{drive_items.SUFFIX}"
+            for again in itertools.count(2):  # one that was left keeps its journal
+                if path not in self.left:
+                    break
+                path = folder / f"{name}-{again}{drive_items.SUFFIX}"
             if not path.exists():
                 title = f"episode {k} of {len(names)}"
                 yield self._new(path, episode, title, free=False)
 
     def interrupted(self) -> Iterator[Task]:
-        """Return the drives of this robot that nobody has kept."""
-        for path in drive_items.journals(self.run.folder.root):
-            recording = read_journal(path)
+        """Return the drives of this robot that nobody has kept; leave those that are damaged."""
+        drives, unreadable = drive_items.drives_in(self.run.folder.root)
+        for path, reason in unreadable.items():
+            self._leave(path, reason)
+        for path, recording in ((drive.path, drive.recording) for drive in drives):
             if recording.kept is None and recording.header["robot"] == self.robot.name:
                 title = f"{path.name.removesuffix(drive_items.SUFFIX)}, interrupted before"
                 yield Task(path, recording.header, new=False, title=title)
+
+    def _leave(self, path: Path, reason: str) -> None:
+        """Leave a drive as it is, and say why."""
+        self.left[path] = reason
+        sys.stderr.write(f"left as it is: {path}: {reason}\n")
 
     def _new(self, path: Path, episode: Episode, title: str, *, free: bool) -> Task:
         header = {
@@ -154,19 +164,34 @@ class Session:
         }
         return Task(path, header, new=True, title=title)
 
-    def _opened(self, task: Task, controls: Controls) -> tuple[Drive, World]:
-        walker = drive_items.drive_walker(self.robot, task.header)
-        world = self._world(task.episode, walker)
-        controls.release()
+    @contextmanager
+    def _opened(self, task: Task, controls: Controls) -> Iterator[tuple[Drive, World] | None]:
+        """Open a drive; one that cannot be driven here and now is left, and None."""
+        ledger, opened = self.run.context.ledger, None
         if not task.new:  # what it had when it was left
-            self.run.context.ledger.unrecord([task.path])
-        header = task.header if task.new else None
-        return Drive(world, task.episode, walker.config, controls, task.path, header), world
+            ledger.unrecord([task.path])
+        try:
+            walker = drive_items.drive_walker(self.robot, task.header)
+            world = self._world(task.episode, walker)
+            controls.release()
+            header = task.header if task.new else None
+            drive = Drive(world, task.episode, walker.config, controls, task.path, header)
+            opened = drive, world
+        except InputError as error:
+            if task.new and task.header["free"]:  # the next one would start no better
+                raise
+            self._leave(task.path, getattr(error, "reason", str(error)))
+        try:
+            yield opened
+        finally:
+            if opened is not None:
+                opened[0].close()
+            ledger.record([task.path])
 
     def _world(self, episode: Episode, walker: Walker) -> World:
         if episode.scene_id not in self.scenes:
             valid = ", ".join(self.scenes)
-            raise InputError(f"a drive in {episode.scene_id} was interrupted; valid here: {valid}")
+            raise InputError(f"it was driven in {episode.scene_id}; valid here: {valid}")
         folder = self.run.folder
         return open_level(self.scenes[episode.scene_id], episode, walker, folder.models)
 

@@ -262,6 +262,21 @@ def test_damage_and_other_physics_are_told(world: World, episode: Episode, tmp_p
     assert kept is not None and kept["episode"]["episode_id"] == "e0"
 
 
+def test_a_drive_that_cannot_go_on_leaves_nothing_to_the_next(
+    world: World, episode: Episode, tmp_path: Path
+) -> None:
+    path = tmp_path / "drive.drive"
+    driver = Driver(world, episode, "path", path)
+    driver.hold(AHEAD, 1.5)
+    content = path.read_bytes()
+    with pytest.raises(FileFormatError, match="another state at 1 s"):
+        Drive(world, replace(episode, start_yaw_rad=0.5), driver.config, driver.controls, path)
+    assert path.read_bytes() == content
+    driver.controls.release()
+    fresh = Drive(world, episode, driver.config, driver.controls, tmp_path / "next.drive", {})
+    assert not fresh.step() and fresh.time_s == 0.0
+
+
 @pytest.mark.parametrize("axes", [(float("nan"), 0.0, 0.0), (0.0, float("inf"), 0.0)])
 def test_sticks_are_numbers(axes: tuple[float, float, float]) -> None:
     with pytest.raises(ValueError, match="valid: numbers"):

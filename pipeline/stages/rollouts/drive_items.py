@@ -11,6 +11,7 @@ from ....collectors.driving.journal import Recording, read_journal
 from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import file_digest
 from ....formats.core.episode import Episode
+from ....formats.core.errors import FileFormatError
 from ....formats.core.rollout import HUMAN
 from ....formats.mcap.facts import episode_from_json
 from ....formats.vlnce.files import write_episodes
@@ -25,16 +26,17 @@ from .replay_job import Walker
 STAGE = "drive"
 SUFFIX = ".drive"
 CONTROLLERS = {"velocity": "path", "discrete": "speed"}  # whose place the person takes
+_HEADER = {"robot", "driver", "controller", "seed", "free", "episode"}
 SUCCESS_M = 1.0  # a person aims at what a text names, not at a point
 
 
 @dataclass(frozen=True)
 class Driven:
-    """A drive that its driver kept.
+    """A drive as its journal has it.
 
     Attributes:
         path: of its journal.
-        episode: what was driven; of a free drive without words.
+        episode: what was driven; of a free drive without words, and once it is kept its own way.
     """
 
     path: Path
@@ -52,23 +54,27 @@ def folder_of(root: Path, robot: str) -> Path:
     return root / "drives" / robot
 
 
-def journals(root: Path) -> list[Path]:
-    """Return every journal in a run, by robot and name."""
-    return sorted((root / "drives").glob(f"*/*{SUFFIX}"))
+def drives_in(root: Path) -> tuple[list[Driven], dict[Path, str]]:
+    """Return the drives in a run, by robot and name, and why other journals cannot be read."""
+    drives, unreadable = [], {}
+    for path in sorted((root / "drives").glob(f"*/*{SUFFIX}")):
+        try:
+            recording = read_journal(path)
+            if missing := _HEADER - recording.header.keys():
+                raise FileFormatError(path, f"the first line lacks {', '.join(sorted(missing))}")
+            episode = episode_from_json((recording.kept or recording.header)["episode"])
+        except FileFormatError as error:
+            unreadable[path] = error.reason
+        except (OSError, KeyError, TypeError, ValueError) as error:
+            unreadable[path] = f"not a drive of this version of vlnpe: {error!r}"
+        else:
+            drives.append(Driven(path, recording, episode))
+    return drives, unreadable
 
 
 def kept_drives(root: Path) -> list[Driven]:
-    """Return the drives in a run that were kept.
-
-    Raises:
-        FileFormatError: a journal is damaged.
-    """
-    result = []
-    for path in journals(root):
-        recording = read_journal(path)
-        if recording.kept is not None:
-            result.append(Driven(path, recording, episode_from_json(recording.kept["episode"])))
-    return result
+    """Return the drives in a run that were kept and can be read."""
+    return [drive for drive in drives_in(root)[0] if drive.recording.kept is not None]
 
 
 @dataclass(frozen=True)

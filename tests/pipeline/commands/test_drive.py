@@ -1,6 +1,9 @@
 """`vlnpe drive` as its user meets it: a page, a robot in real time, and a dataset at the end."""
 
 import json
+import re
+import shutil
+import subprocess
 import urllib.error
 import urllib.request
 from collections.abc import Iterator
@@ -11,8 +14,10 @@ import numpy as np
 import pytest
 from websockets.exceptions import InvalidStatus
 
-from tests.support.driver import AHEAD, LEFT, Page, start
+from tests.support.devtools import until
+from tests.support.driver import AHEAD, LEFT, PATIENCE_S, Page, start
 from tests.support.runs import tiny_run
+from vlnpe.formats.core.journal import journal_line, parse_journal_line
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.pipeline.engine.ledger import Ledger
 
@@ -45,6 +50,7 @@ def driven(prepared: Path) -> Path:
     page.until("waits")
     assert page.state["instruction"]
     page.hold(AHEAD, 1.5)
+    page.watch(1.0)  # what a busy machine hears late
     page.until("waits")
     pose = page.state["pose"]
     process.kill()
@@ -110,6 +116,86 @@ def test_the_chain_and_the_report_take_them(driven: Path, tmp_path: Path) -> Non
         "mcap",
         "dataset",
     } <= stages
+
+
+def changed(journal: bytes, **episode: object) -> bytes:
+    """Return the journal of a drive that nobody kept, with other values in its first line."""
+    header, *lines = [parse_journal_line(line) for line in journal.splitlines()]
+    header["episode"] |= episode
+    return b"".join(map(journal_line, [header, *(line for line in lines if "kept" not in line)]))
+
+
+def test_journals_that_cannot_be_used_are_named_and_block_nothing(
+    driven: Path, prepared: Path, tmp_path: Path
+) -> None:
+    out = shutil.copytree(driven, tmp_path / "out")
+    folder = out / "drives" / "aliengo"
+    (given,) = (path for path in folder.iterdir() if not path.name.startswith("free-"))
+    good = (folder / "free-1.drive").read_bytes()
+    yaw = parse_journal_line(good.split(b"\n")[0])["episode"]["start_yaw_rad"]
+    spoilt = {
+        given: (b"x" + given.read_bytes(), "line 1 is damaged"),
+        folder / "free-2.drive": (b"", "empty"),
+        folder / "free-3.drive": (good.replace(b"drive 1", b"drive 0", 1), "damaged"),
+        folder / "free-4.drive": (changed(good, scene_id="elsewhere"), "driven in elsewhere"),
+        folder / "free-5.drive": (changed(good, start_yaw_rad=yaw + 0.1), "another state at 1 s"),
+        folder / "free-6.drive": (changed(good, newer=1), "not a drive of this version"),
+        folder / "free-7.drive": (journal_line({"format": "vlnpe drive 2"}), "'vlnpe drive 1'"),
+        folder / "free-8.drive": (journal_line({"format": "vlnpe drive 1"}), "lacks controller"),
+    }
+    for path, (content, _) in spoilt.items():
+        path.write_bytes(content)
+    command = (prepared, *ROBOT, "--out", out, "--driver", "Ada")
+    done = tiny_run.vlnpe("drive", *command, "--finish", "--json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout.splitlines()[-1])
+    assert facts["drives"] == 1  # the good one
+    assert {Path(path).name for path in facts["left"]} == {path.name for path in spoilt}
+    for path, (content, reason) in spoilt.items():
+        assert reason in facts["left"][str(path)]
+        assert f"left as it is: {path}: " in done.stderr
+        assert path.read_bytes() == content
+    process, url = start(*command, "--episodes", prepared)
+    page = Page(url)
+    page.until("waits")
+    assert page.state["title"].startswith("episode ")
+    page.hold(AHEAD, 0.5)
+    process.kill()
+    process.communicate()
+    assert (folder / f"{given.stem}-2.drive").is_file()
+
+
+def test_a_full_pipe_stops_neither_the_robot_nor_what_follows(
+    prepared: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    words = ("drive", prepared, *ROBOT, "--out", out, "--finish")
+    assert tiny_run.vlnpe(*words).returncode == 0
+    (out / "drives" / "aliengo").mkdir(parents=True)
+    for number in range(300):  # each is a line, of a path of hundreds of letters
+        (out / "drives" / "aliengo" / f"{number}-{'x' * 200}.drive").touch()
+    script = tmp_path / "browser"
+    lines = "#!/bin/sh", f"cd {tmp_path}", "cp -p ${1#file://} opened", "echo $1 > url", ""
+    script.write_text("\n".join(lines))
+    script.chmod(0o755)
+    home = {"HOME": str(tmp_path), "BROWSER": f"{script} %s", "DISPLAY": ":none"}
+    process = subprocess.Popen(
+        [*tiny_run.VLNPE, *map(str, words[:-1])],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=tiny_run.environment(**home),
+    )
+    opened = tmp_path / "opened"
+    until(lambda: (tmp_path / "url").is_file(), PATIENCE_S, "a browser")
+    (url,) = re.findall(r"http://[^']+", opened.read_text())
+    assert "token" in url and "token" not in (tmp_path / "url").read_text()
+    assert opened.stat().st_mode & 0o777 == 0o600
+    page = Page(url)
+    page.until("waits")
+    page.hold(AHEAD, 1.0)
+    assert page.state["time_s"] > 0.3
+    process.terminate()
+    process.communicate()
 
 
 @pytest.fixture(scope="module")
