@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ..formats.core.checkout import find_uv
+from ..formats.core.rollout import HUMAN
 from .engine.ledger import Ledger
 from .engine.run_folder import RunFolder
 from .execution.runner import StageSummary
@@ -22,10 +23,11 @@ from .report.gather import LeftOut, RobotRow, left_out, robot_rows, shared_paths
 
 log = logging.getLogger(__name__)
 LEGEND = (
-    "collected: ended within 0.25 m of the goal (human: 1 m); SR: stopped within 3 m\n"
-    "of it; OS: passed within 3 m; SPL: SR weighted by path length; nDTW: likeness of\n"
-    "path and walk [%]; NE: mean distance to the goal at the end; TL: mean length walked."
+    "collected: ended within 0.25 m of the goal; SR: stopped within 3 m of it; OS: passed\n"
+    "within 3 m; SPL: SR weighted by path length; nDTW: likeness of path and walk [%];\n"
+    "NE: mean distance to the goal at the end; TL: mean length walked."
 )
+DRIVEN = "A person (human) ends within 1 m of the goal."
 BENEATH = "Beneath a robot: how many of its paths did not go well; touched: an obstacle."
 # The widest name of a robot, and of a controller: the table fits 100 characters.
 ROBOT_WIDTH, CONTROLLER_WIDTH = 13, 26
@@ -154,8 +156,10 @@ def robot_table(rows: Sequence[RobotRow]) -> str:
 
 
 def legend(rows: Sequence[RobotRow]) -> str:
-    """Return what the columns of `robot_table` mean, and its lines beneath robots if it has any."""
-    return f"{LEGEND}\n{BENEATH}" if any(map(_troubles, rows)) else LEGEND
+    """Return what the columns of `robot_table` mean, and of its other lines what it has."""
+    human = any(row.controller == HUMAN for row in rows)
+    troubled = any(map(_troubles, rows))
+    return "\n".join([LEGEND, *[DRIVEN] * human, *[BENEATH] * troubled])
 
 
 def elided(name: str, most: int) -> str:

@@ -1,6 +1,7 @@
 """The tables of both report pages fit the windows that people have, seen by a real browser."""
 
 import re
+import shlex
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from jinja2 import Environment, PackageLoader
 
 from tests.support.browser import hidden_px
+from tests.support.devtools import chromium
 from vlnpe.formats.trainers.answers import KINDS
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.report.gather import RobotRow
@@ -103,6 +105,23 @@ def test_tables_of_a_collection_fit_a_phone(tmp_path: Path) -> None:
     hidden = hidden_px(collection_page(), ".scroll", 390, tmp_path)
     assert len(hidden) >= 3
     assert max(hidden) <= 0, hidden
+
+
+def test_the_command_that_shows_the_robots_is_copied_with_a_click(tmp_path: Path) -> None:
+    page_file = tmp_path / "my run's" / "report" / "index.html"
+    page_file.parent.mkdir(parents=True)
+    page_file.write_text(collection_page())
+    with chromium(tmp_path) as page:
+        page.open(page_file.as_uri())
+        page.wait_for("Copy")
+        page.click_on("Copy")
+        page.wait("document.querySelector('#copied').textContent === ' copied'")
+        words = shlex.split(page.evaluate("getSelection().toString()"))
+    assert words == ["vlnpe", "view", str(tmp_path / "my run's")]
+
+
+def test_who_reads_of_people_has_some() -> None:
+    assert "human" not in collection_page()
 
 
 def test_no_word_of_a_head_is_divided() -> None:

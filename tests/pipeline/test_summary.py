@@ -40,6 +40,8 @@ def test_the_widest_table_fits_100_columns_and_tells_what_went_wrong() -> None:
 def test_the_legend_explains_what_is_shown() -> None:
     assert "Beneath a robot" in legend([robot(), robot(stuck=1)])
     assert "Beneath a robot" not in legend([robot(), robot()])
+    assert "human" not in legend([robot()])
+    assert "human" in legend([robot(), robot(controller="human")])
 
 
 def walk(ledger: Ledger, crew: str, path: str, success: bool, **facts: Any) -> None:
