@@ -1,6 +1,5 @@
 """The environment of a run as LeRobot loads it from the hub: `env.py`, episodes, scenes."""
 
-import re
 import shutil
 from pathlib import Path
 
@@ -12,15 +11,12 @@ from ..formats.lerobot.layout import PROVENANCE_PATH
 from ..formats.scene.bundle import load_bundle
 from ..formats.untrusted.documents import read_json_object
 from ..formats.vlnce.files import write_episodes
+from ..rendering.camera.views import camera_and_light
 from .inputs.episode_file import episodes_of
 from .inputs.robot_copies import FOLDER
 from .publish import CARD, ENV, Release, released
 
 EPISODES = "episodes.json.gz"
-VIEW = re.compile(
-    r"(?P<mount>ego|rig-[\d.]+cm_-?[\d.]+deg(?:-level)?)"
-    r"-(?P<size>\d+x\d+)-(?P<hfov>[\d.]+)deg-(?P<light>\w+)"
-)
 ENV_PY = '''"""Vision-and-language navigation in physics, for LeRobot; vlnpe must be installed."""
 
 from pathlib import Path
@@ -82,13 +78,12 @@ def plan_env(
     """
     robot = str(read_info(dataset)["robot_type"])
     shown = read_json_object(dataset / PROVENANCE_PATH).get("encoding", {}).get("view")
-    view = VIEW.fullmatch(str(shown))
-    if view is None:
+    camera, light = camera_and_light(str(shown))
+    if not camera.startswith(("ego:", "rig:")):
         raise InputError(
             f"{dataset.name} shows {shown}; valid for --env: a dataset of the robot's own camera "
             "(ego) or of a rig"
         )
-    mount = view["mount"].replace("rig-", "rig:").replace("-level", ":level")
     run = dataset.resolve().parents[1]
     episodes, scenes_folder = episodes_of(run, None, split)
     write_episodes(folder / EPISODES, episodes)
@@ -106,8 +101,8 @@ def plan_env(
         "repo": repo,
         "episodes": EPISODES,
         "robot": f'str(folder / "{FOLDER}" / "{robot}")' if own.is_dir() else f'"{robot}"',
-        "camera": f"{mount}:{view['size']}:{view['hfov']}",
-        "light": view["light"],
+        "camera": camera,
+        "light": light,
     }
     (folder / "env.py").write_text(ENV_PY.format(**facts))
     card = {

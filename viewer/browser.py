@@ -10,11 +10,12 @@ import viser
 
 from ..formats.core.flags import FlagFile
 from ..formats.scene.bundle import load_bundle
-from .library import ALL, ORDERS, Choice, Entry, chosen, sheet, table_html
+from .library import ALL, ORDERS, Choice, Entry, chosen, flagged_in, sheet, table_html
 from .player import Player
 from .scene import Detail, SceneNodes, add_scene
 
 NOTHING = "none"
+AISLE_M = 1.0  # between two copies of a scene
 
 
 class RunBrowser:
@@ -25,7 +26,6 @@ class RunBrowser:
         server: viser.ViserServer,
         entries: Sequence[Entry],
         scenes: Path,
-        flags: FlagFile,
         detail: Detail | None = None,
     ):
         """Add the page's controls; `show` a walk then.
@@ -34,14 +34,13 @@ class RunBrowser:
             server: Where to.
             entries: At least one.
             scenes: Folder of repaired scenes.
-            flags: Of the run.
             detail: Of its scenes in the browser.
         """
         self.server, self.entries = server, list(entries)
-        self._scenes, self._flags, self._detail = scenes, flags, detail
-        self._flagged = flags.flagged()
+        self._scenes, self._detail = scenes, detail
+        self._flagged = flagged_in(self.entries)
         self._choice, self._shown = Choice(), self.entries
-        self._scene: tuple[str, SceneNodes] | None = None
+        self._scene, self._nodes = "", list[SceneNodes]()
         self._level = 0
         self.current = self.entries[0]
         gui = server.gui
@@ -55,8 +54,10 @@ class RunBrowser:
             self._note = gui.add_text("Note", "")
             self._flag.on_update(self._on_flag)
             self._note.on_update(self._on_flag)
-            self._ghost = gui.add_dropdown("Ghost", [str(NOTHING)])
+            self._ghost = gui.add_dropdown("Compare with", [str(NOTHING)])
+            self._beside = gui.add_checkbox("Side by side", False)
             self._ghost.on_update(self._on_ghost)
+            self._beside.on_update(self._on_ghost)
             self._ceiling = gui.add_checkbox("Ceilings", False)
             self._ceiling.on_update(lambda _: self._show_level(self._ceiling.value))
         with tabs.add_tab("Walks"):
@@ -109,35 +110,43 @@ class RunBrowser:
         at = names.index(self.current.name) if self.current.name in names else -1
         self.show(self._shown[(at + direction) % len(names)])
 
-    def show(self, entry: Entry, ghosts: Sequence[Entry] = ()) -> None:
-        """Show a walk in its scene, with others of its path as ghosts."""
+    def show(self, entry: Entry, others: Sequence[Entry] = ()) -> None:
+        """Show a walk in its scene, with others of its path as ghosts or side by side."""
         self.current = entry
-        if self._scene is None or self._scene[0] != entry.scene:
-            if self._scene is not None:
-                self.server.scene.remove_by_name("/scene")
-            bundle = load_bundle(self._scenes / entry.scene)
-            self._scene = entry.scene, add_scene(self.server.scene, bundle, detail=self._detail)
+        bundle = load_bundle(self._scenes / entry.scene)
+        if self._scene != entry.scene:
+            self.server.scene.remove_by_name("/scene")
+            self._nodes = [add_scene(self.server.scene, bundle, detail=self._detail)]
+            self._scene = entry.scene
+        self.server.scene.remove_by_name("/beside")
+        del self._nodes[1:]
+        apart_m = 0.0
+        if others and self._beside.value:
+            apart_m = self._nodes[0].width_m + AISLE_M
+            self.server.scene.add_frame("/beside", show_axes=False, position=(apart_m, 0, 0))
+            copy = add_scene(self.server.scene, bundle, "/beside/scene", self._detail)
+            self._nodes.append(copy)
         walk = entry.load()
         self._level = walk.rollout.episode.level
         self._show_level(self._ceiling.value)
-        others = [e.name for e in self.entries if e.path == entry.path and e is not entry]
-        self._ghost.options = (NOTHING, *others)
-        if not ghosts:
+        alike = [e.name for e in self.entries if e.path == entry.path and e is not entry]
+        self._ghost.options = (NOTHING, *alike)
+        if not others:
             self._ghost.value = NOTHING
         self._pick.value = entry.name
         self._flag.value = entry.name in self._flagged
         self._note.value = self._flagged.get(entry.name, "")
         self._table.content = table_html(self._shown, self._flagged, entry.name)
-        self.player.show(walk, [ghost.load() for ghost in ghosts])
+        self.player.show(walk, [other.load() for other in others], apart_m)
 
     def _show_level(self, ceiling: bool) -> None:
-        assert self._scene is not None
-        self._scene[1].show(self._level, ceiling=ceiling)
+        for nodes in self._nodes:
+            nodes.show(self._level, ceiling=ceiling)
 
     def _on_ghost(self, event: Any) -> None:
         if event.client is not None:
-            ghosts = [e for e in self.entries if e.name == self._ghost.value]
-            self.show(self.current, ghosts)
+            others = [e for e in self.entries if e.name == self._ghost.value]
+            self.show(self.current, others)
 
     def _on_flag(self, event: Any) -> None:
         if event.client is not None:
@@ -148,10 +157,10 @@ class RunBrowser:
         self._write_flag()
 
     def _write_flag(self) -> None:
-        name = self.current.name
-        self._flags.set(name, self._flag.value, self._note.value)
-        self._flagged = self._flags.flagged()
-        self._table.content = table_html(self._shown, self._flagged, name)
+        entry = self.current
+        FlagFile(entry.folder).set(entry.item, self._flag.value, self._note.value)
+        self._flagged = flagged_in(self.entries)
+        self._table.content = table_html(self._shown, self._flagged, entry.name)
 
     def _draw_sheet(self) -> None:
         self._sheet.image = sheet(self._shown)

@@ -3,12 +3,14 @@
 import html
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import cv2
 import numpy as np
 
 from ..formats.core.arrays import U8
+from ..formats.core.flags import FlagFile
 from .walk import Walk
 
 ALL = "all"
@@ -23,6 +25,7 @@ class Entry:
 
     Attributes:
         name: `<robot>/<controller>/<episode>`, `<evaluation>: …` for one of an evaluation.
+        folder, item: whose `FlagFile` has it under which name.
         path: of its episode; walks of one path can be shown together.
         contacts: how often the robot touched an obstacle.
         load: opens the walk.
@@ -30,6 +33,8 @@ class Entry:
     """
 
     name: str
+    folder: Path
+    item: str
     robot: str
     controller: str
     path: str
@@ -58,6 +63,12 @@ class Choice:
     flagged: bool = False
     length_m: tuple[float, float] = (0.0, np.inf)
     order: str = "name"
+
+
+def flagged_in(entries: Sequence[Entry]) -> dict[str, str]:
+    """Return the notes of the flagged entries by name."""
+    notes = {folder: FlagFile(folder).flagged() for folder in {e.folder for e in entries}}
+    return {e.name: notes[e.folder][e.item] for e in entries if e.item in notes[e.folder]}
 
 
 def chosen(entries: Sequence[Entry], choice: Choice, flagged: Collection[str]) -> list[Entry]:

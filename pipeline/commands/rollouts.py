@@ -1,5 +1,6 @@
 """Commands for the later stages: `replay`, `render`, `export`."""
 
+import logging
 from collections.abc import Sequence
 
 from ...formats.core.errors import FileFormatError, check_name
@@ -24,6 +25,7 @@ from ..stages.rollouts import replay_items as replay
 from ..stages.scenes import items as repair
 from ..summary import print_stages, robot_table
 
+log = logging.getLogger(__name__)
 FRAME_RATE, VIDEO_RATE = 4, 25  # default frames per second
 
 
@@ -116,6 +118,8 @@ def run_export(options: Export) -> int:
     if not groups:
         raise FileFormatError(options.frames, "contains no rendered episode")
     flagged = FlagFile(root).flagged() if options.without_flagged else {}
+    if options.without_flagged and not flagged:
+        log.warning("%s: no walk of it is flagged; flags of another folder do not count", root)
     groups = {
         group: export.rows_to_export(rows, options.only_success, flagged)
         for group, rows in groups.items()

@@ -3,16 +3,14 @@
 import contextlib
 import sys
 import threading
-import webbrowser
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import MissingExtraError, UnknownNameError
-from ...formats.core.flags import FlagFile
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
-from ..inputs.walks import entries_of, run_of
+from ..inputs.walks import entries_of, scenes_beside
 from ..options.view import View
 from ..summary import has_display, print_result
 
@@ -27,11 +25,11 @@ def run(options: View) -> int:
     """Serve the page until interrupted, or write it."""
     if find_spec("viser") is None:
         raise MissingExtraError("the viewer", "view")
-    from ...viewer.page import saved_page
-    from ...viewer.server import LocalServer
+    from ...viewer.gate import open_page
+    from ...viewer.server import LocalServer, saved_page
 
     scene = _scene_of(options)
-    title = (scene or run_of(options.what)).name
+    title = (scene or options.what.resolve()).name
     server = LocalServer(f"vlnpe: {title}", options.port)
     with contextlib.ExitStack() as stack:
         stack.callback(server.stop)
@@ -45,7 +43,7 @@ def run(options: View) -> int:
         print_result(options, {"url": server.url}, f"{what} at {server.url}")
         sys.stdout.flush()
         if options.open and has_display():
-            webbrowser.open(server.url)
+            open_page(server.url)
         with contextlib.suppress(KeyboardInterrupt):
             threading.Event().wait()
     return 0
@@ -76,14 +74,14 @@ def _shown(options: View, scene: Path | None, server: "LocalServer") -> "tuple[P
         return None, scene.name
     from ...viewer.browser import RunBrowser
 
-    entries = entries_of(options.what)
+    scenes = scenes_beside(options.what, options.scenes)
+    entries = entries_of(options.what, scenes)
     first = entries[0]
     if options.episode:
         alike = [e for e in entries if e.name.endswith(options.episode)]
         if not alike:
             raise UnknownNameError("episode", options.episode, [e.name for e in entries])
         first = alike[0]
-    root = run_of(options.what)
-    page = RunBrowser(server, entries, root / "scenes", FlagFile(root))
+    page = RunBrowser(server, entries, scenes)
     page.show(first)
     return page.player, f"{len(entries)} walks" if len(entries) > 1 else "1 walk"

@@ -1,6 +1,6 @@
 """The walks in a run's folder, or an evaluation's, for the viewer."""
 
-import re
+import shlex
 from functools import cache, partial
 from pathlib import Path
 
@@ -9,7 +9,6 @@ import numpy as np
 
 from ...collectors.robots import RobotSpec
 from ...formats.core.arrays import U8
-from ...formats.core.camera import CameraModel
 from ...formats.core.errors import InputError
 from ...formats.core.rollout import Rollout
 from ...formats.mcap.rollout import read_rollout
@@ -26,57 +25,74 @@ from .robot_copies import robot_of_run
 EVALUATIONS = "evaluations"
 
 
-def run_of(folder: Path) -> Path:
-    """Return the run of a folder, which is it or an evaluation in it."""
-    folder = folder.resolve()
-    return folder.parents[1] if folder.parent.name == EVALUATIONS else folder
+def scenes_beside(folder: Path, given: Path | None = None) -> Path:
+    """Return the folder of the scenes of a run, or of an evaluation within or outside its run.
+
+    Args:
+        given: by the user; by default where they were when the walks were made.
+
+    Raises:
+        InputError: they are nowhere.
+    """
+    ledger = Ledger.existing(folder)
+    root = ledger.root.resolve()
+    places = [given] if given else [root / "scenes", root.parents[1] / "scenes"]
+    if not given and not any(place.is_dir() for place in places):
+        places += _scenes_when_made(ledger.finished or ledger.unfinished)
+    for place in places:
+        if place.is_dir():
+            return place.resolve()
+    tried = ", ".join(map(str, places))
+    raise InputError(f"{folder}: its scenes are not in {tried}; give their folder with --scenes")
 
 
-def entries_of(folder: Path) -> list[Entry]:
-    """Return the walks of a run and its evaluations, or of one evaluation.
+def _scenes_when_made(command: str) -> list[Path]:
+    """Return where the scenes were that an evaluation's command line names."""
+    from ..options.command_line import parsed
+    from ..options.evaluate import Evaluate
+    from .episode_file import scenes_of
+
+    words = shlex.split(command)  # `cd FOLDER && vlnpe evaluate …`
+    if "evaluate" not in words:
+        return []
+    options = parsed("evaluate", words[words.index("evaluate") + 1 :], Evaluate)
+    folder = Path(words[1])
+    try:
+        return [scenes_of(folder / options.episodes, options.scenes and folder / options.scenes)]
+    except InputError:
+        return []
+
+
+def entries_of(folder: Path, scenes: Path) -> list[Entry]:
+    """Return the walks of a run and its evaluations, or of one evaluation, in repaired `scenes`.
 
     Raises:
         InputError: there are none.
     """
-    root, folder = run_of(folder), folder.resolve()
-    result = []
-    folders = [folder]
-    if root == folder:
-        folders += sorted(p.parent for p in (root / EVALUATIONS).glob("*/manifest.json"))
-    for place in folders:
-        own = place != root
-        ledger = Ledger.existing(place)
-        seen = _seen_by_policy(place) if own else ""
-        rows = [row for row in ledger.done() if _is_walk(row)]
-        result += [_entry(root, ledger, row, place.name if own else "", seen) for row in rows]
+    top = Ledger.existing(folder)
+    inside = sorted(p.parent for p in (top.root / EVALUATIONS).glob("*/manifest.json"))
+    result = [
+        _entry(ledger, row, ledger.root.name if ledger is not top else "", scenes)
+        for ledger in (top, *map(Ledger, inside))
+        for row in ledger.done()
+        if row.outputs and row.outputs[0].endswith(".mcap") and "metrics" in row.facts
+    ]
     if not result:
         raise InputError(f"{folder}: contains no walks; valid: the folder of a run with rollouts")
     return result
 
 
-def _is_walk(row: Row) -> bool:
-    return bool(row.outputs) and row.outputs[0].endswith(".mcap") and "metrics" in row.facts
-
-
-def _seen_by_policy(folder: Path) -> str:
-    """Return the name of the view of an evaluation's policy; empty if its results lack it."""
-    results = folder / "results.json"
-    setting = read_json_object(results).get("setting") if results.is_file() else None
-    return str(setting.get("view", "")) if isinstance(setting, dict) else ""
-
-
-def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: str) -> Entry:
-    facts, metrics = row.facts, row.facts["metrics"]
+def _entry(ledger: Ledger, row: Row, evaluation: str, scenes: Path) -> Entry:
+    root, facts, metrics = ledger.root, row.facts, row.facts["metrics"]
     robot, controller, episode = row.item.split("/", 2)
-    own: list[Path] = []
-    if not evaluation:
-        views = root / "frames" / robot / controller
-        own = [p for kind in ("ego", "rig") for p in sorted(views.glob(f"{kind}-*/{episode}"))]
+    views = root / "frames" / robot / controller
+    frames = [p for kind in ("ego", "rig") for p in sorted(views.glob(f"{kind}-*/{episode}"))]
     name = f"{evaluation}: {row.item}" if evaluation else row.item
-    frames = own[0] if own else None
-    load = partial(_walk, name, ledger.root / row.outputs[0], root, frames, seen)
+    load = partial(_walk, name, root / row.outputs[0], root, scenes, frames[0] if frames else None)
     return Entry(
         name=name,
+        folder=root,
+        item=row.item,
         robot=robot,
         controller=controller,
         path=episode,
@@ -86,36 +102,36 @@ def _entry(root: Path, ledger: Ledger, row: Row, evaluation: str, seen: str) -> 
         seconds=metrics["duration_s"],
         contacts=int(facts.get("contacts") or 0),
         load=load,
-        ends=partial(_ends, own[0]) if own else lambda: None,
+        ends=partial(_ends, frames[0]) if frames else lambda: None,
     )
 
 
-def _walk(name: str, path: Path, root: Path, frames: Path | None, seen: str) -> Walk:
+def _walk(name: str, path: Path, root: Path, scenes: Path, frames: Path | None) -> Walk:
     rollout = read_rollout(path)
     robot = robot_of_run(rollout.robot, root)
-    shots = None
-    if frames is not None:
-        shots = _shots(frames)
-    elif seen:
-        scene = root / "scenes" / scene_stem(rollout.episode.scene_id)
-        shots = _drawn(scene, rollout, robot, seen)
+    scene = scenes / scene_stem(rollout.episode.scene_id)
+    shots = _shots(frames) if frames else _drawn(scene, rollout, robot, _seen_by_policy(root))
     return Walk(name, rollout, _model(robot), shots)
 
 
-def _drawn(scene: Path, rollout: Rollout, robot: RobotSpec, seen: str) -> Shots | None:
-    """Draw what a policy saw when it chose: a rollout of an evaluation has no pictures.
+def _seen_by_policy(folder: Path) -> str:
+    """Return the name of the view of an evaluation's policy; empty if there is none."""
+    results = folder / "results.json"
+    setting = read_json_object(results).get("setting") if results.is_file() else None
+    return str(setting.get("view", "")) if isinstance(setting, dict) else ""
 
-    A view of another kind than `ego-<width>x<height>-<field>deg-<light>` has none.
-    """
-    size = re.fullmatch(r"ego-(\d+)x(\d+)-([\d.]+)deg-(\w+)", seen)
-    if size is None:
+
+def _drawn(scene: Path, rollout: Rollout, robot: RobotSpec, seen: str) -> Shots | None:
+    """Draw what a policy saw when it chose: a rollout of an evaluation has no pictures."""
+    if not seen:
         return None
     # They take seconds to import, and most walks have pictures.
     from ...rendering.camera.rollout_frames import RolloutFrames
-    from ...rendering.camera.views import View
+    from ...rendering.camera.views import named_view
+    from ...rendering.registry import AUTO, scene_renderer_name
     from ..stages.rollouts.render_job import scene_renderer
 
-    view = View("ego", CameraModel("ego", int(size[1]), int(size[2]), float(size[3])), size[4])
+    view = named_view(seen, robot, scene_renderer_name(scene, AUTO))
     _, renderer = scene_renderer(scene, view.renderer, view.light)
     spans = [span.start_sample for span in rollout.actions]
     samples = np.array(spans or range(0, len(rollout.time_s), 25), np.int64)

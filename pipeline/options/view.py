@@ -20,6 +20,8 @@ class View(Orientation, Printing):
     """Run folder, folder of an evaluation, folder of a repaired scene, or a scan."""
     episode: tyro.conf.Positional[str] = ""
     """Episode to begin with, or the end of its name."""
+    scenes: Path | None = None
+    """Folder of the repaired scenes of a run or an evaluation; by default where they were."""
     out: Path | None = None
     """Folder for the scene of a scan; by default runs/view/<scan>."""
     save: Path | None = None

@@ -150,7 +150,30 @@ CAMERA = re.compile(
     rf"(?P<mount>rig:[^:]+(:{LEVEL})?|[a-z_]+)"
     r"(:(?P<width>\d+)x(?P<height>\d+))?(:(?P<hfov>\d+(\.\d+)?))?"
 )
+_NAME = re.compile(
+    r"(?P<mount>[a-z_]+|rig-[^-]+cm_-?[^-]+deg(?:-level)?)-(?P<size>\d+x\d+)-(?P<hfov>[\d.]+)deg"
+    r"-(?P<light>\w+)"
+)
 MAX_SIDE_PX = 8192
+
+
+def camera_and_light(view: str) -> tuple[str, str]:
+    """Return the camera, as `parse_views` reads it, and the light of a `View.name`.
+
+    Raises:
+        InputError: it is no such name.
+    """
+    match = _NAME.fullmatch(view)
+    if match is None:
+        raise InputError(f"view {view!r}; valid: a name like ego-256x256-90deg-baked")
+    mount = match["mount"].replace("rig-", "rig:").replace(f"-{LEVEL}", f":{LEVEL}")
+    return f"{mount}:{match['size']}:{match['hfov']}", match["light"]
+
+
+def named_view(name: str, robot: str | RobotSpec, renderer: str) -> View:
+    """Return the view with a `View.name`; raise InputError if there is none."""
+    camera, light = camera_and_light(name)
+    return parse_views(camera, robot, CameraOverrides(), light=light, renderer=renderer)[0]
 
 
 def parse_views(

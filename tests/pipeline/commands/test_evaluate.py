@@ -21,6 +21,8 @@ from tests.support.misbehaving_server import Server, completion
 from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.evaluation.results import COLUMNS
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.flags import FlagFile
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
@@ -43,6 +45,49 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def inline(monkeypatch: pytest.MonkeyPatch) -> None:
     """Work in this process: a worker takes seconds to start."""
     monkeypatch.setattr(executors, "Workers", InlineWorkers)
+
+
+@pytest.mark.usefixtures("inline")
+@pytest.mark.parametrize("camera", ["ego:64x48:90", "rig:125cm_30deg:level:64x48:79"])
+def test_the_viewer_opens_an_evaluation_outside_its_run(run, tmp_path, camera) -> None:
+    pytest.importorskip("viser", reason="the extra `view` is not installed")
+    from vlnpe.pipeline.inputs.walks import entries_of, scenes_beside
+    from vlnpe.viewer.library import flagged_in
+
+    out = tmp_path / "apart"
+    evaluated(run, "--policy", "oracle", "--out", str(out), "--camera", camera, "--mcap")
+    scenes = scenes_beside(out)
+    assert scenes == (run / "scenes").resolve()
+    for frames in (True, False):
+        first, second = entries_of(out, scenes)
+        walk = first.load()
+        assert walk.shots is not None
+        kind, *_, fov = camera.split(":")
+        assert (walk.shots.camera.width_px, walk.shots.camera.hfov_deg) == (64, float(fov))
+        picture = walk.shots.picture(len(walk.shots.samples) - 1)
+        assert picture.shape == (48, 64, 3) and picture.std() > 5
+        height_m = (walk.shots.position_world_m[:, 2] - walk.rollout.floor_z_m[0]).mean()
+        assert kind == "ego" or height_m == pytest.approx(1.25, abs=0.05)
+        if frames:
+            shutil.rmtree(out / "frames")  # drawn then
+    FlagFile(first.folder).set(first.item, True)
+    assert set(flagged_in([first, second])) == {first.name}
+    with pytest.raises(InputError, match="--scenes"):
+        scenes_beside(out, tmp_path / "nowhere")
+
+
+@pytest.mark.usefixtures("inline")
+def test_an_evaluations_flagged_walks_are_left_out_of_its_export(run, tmp_path, caplog) -> None:
+    out, scenes = tmp_path / "flagged", str(run / "scenes")
+    evaluated(run, "--policy", "oracle", "--out", str(out), "--camera", "ego:64x48:90", "--mcap")
+    for name, count in (("", 2), ("aliengo/speed/e0", 1)):
+        if name:
+            FlagFile(out).set(name, True)
+        data = tmp_path / f"data{count}"
+        words = ["export", str(out), "--scenes", scenes, "--without-flagged", "--out", str(data)]
+        assert main([*words, "--workers", "1"]) == 0
+        assert len(list(data.glob("mcap/*/*.mcap"))) == count
+    assert caplog.text.count("no walk of it is flagged") == 1
 
 
 @contextmanager
