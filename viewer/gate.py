@@ -5,16 +5,25 @@ A request needs the token of the printed address, directly or as the cookie that
 `Origin`, the page's own.
 """
 
+import atexit
 import contextlib
 import http
+import os
 import secrets
+import shutil
+import tempfile
+import threading
+import webbrowser
+from functools import partial
 from http.cookies import CookieError, SimpleCookie
+from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 HOST = "127.0.0.1"
+OPENED_WITHIN_S = 300
 LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "::1"})
 # Nothing is fetched from elsewhere, and no other page shows this one in a frame.
 _POLICY = (
@@ -61,6 +70,27 @@ class Gate:
         if not any(secrets.compare_digest(g.encode(), self.token.encode()) for g in given):
             return "open the address that vlnpe printed, with its token"
         return ""
+
+
+def open_page(url: str) -> None:
+    """Open a page in the browser; its command line, which all users see, has no token.
+
+    The browser gets a file that only its user can read, which leads on. It lies in the home folder
+    for some minutes, because some browsers are kept from temporary and hidden folders.
+    """
+    home = Path.home()
+    folder = tempfile.mkdtemp(prefix="vlnpe-", dir=home if os.access(home, os.W_OK) else None)
+    page = Path(folder, "open.html")
+    page.touch(0o600)
+    page.write_text(
+        f"<!doctype html><title>vlnpe</title><script>location.replace({url!r})</script>"
+    )
+    webbrowser.open(page.as_uri())
+    remove = partial(shutil.rmtree, folder, ignore_errors=True)
+    atexit.register(remove)
+    timer = threading.Timer(OPENED_WITHIN_S, remove)
+    timer.daemon = True
+    timer.start()
 
 
 def text_response(status: http.HTTPStatus, text: str, kind: str = "text/plain") -> Response:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..formats.core.arrays import F32, U8
+from ..formats.core.arrays import F32, I64, U8, Floats
 from ..formats.untrusted.glb import glb_bytes
 
 _FLOAT, _UINT, _BYTE = 5126, 5125, 5121
@@ -32,10 +32,12 @@ class Patch:
     image: bytes | None
 
 
-def unlit_glb(patches: list[Patch], gain: float) -> bytes:
+def unlit_glb(patches: list[Patch], gain: float, opacity: float = 1.0) -> bytes:
     """Return a GLB whose only node has the patches in z-up coordinates, as viser shows them.
 
-    `gain` multiplies all colours.
+    Args:
+        gain: multiplies all colours.
+        opacity: 0–1.
     """
     data, views, accessors = bytearray(), [], []
 
@@ -68,7 +70,8 @@ def unlit_glb(patches: list[Patch], gain: float) -> bytes:
         indices = accessor(patch.faces.astype("<u4").ravel(), "SCALAR", _UINT)
         primitives.append({"attributes": attributes, "indices": indices, "material": material})
     pages = [{"bufferView": view(image), "mimeType": "image/jpeg"} for image in images]
-    bright = {"baseColorFactor": [gain, gain, gain, 1.0]}
+    bright = {"baseColorFactor": [gain, gain, gain, opacity]}
+    blending = {} if opacity == 1.0 else {"alphaMode": "BLEND"}
     colors = [bright, *({"baseColorTexture": {"index": k}, **bright} for k in range(len(pages)))]
     tree = {
         "asset": {"version": "2.0", "generator": "vlnpe"},
@@ -78,7 +81,12 @@ def unlit_glb(patches: list[Patch], gain: float) -> bytes:
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": primitives}],
         "materials": [
-            {"doubleSided": True, "pbrMetallicRoughness": c, "extensions": {_UNLIT: {}}}
+            {
+                "doubleSided": True,
+                "pbrMetallicRoughness": c,
+                "extensions": {_UNLIT: {}},
+                **blending,
+            }
             for c in colors
         ],
         "accessors": accessors,
@@ -90,3 +98,11 @@ def unlit_glb(patches: list[Patch], gain: float) -> bytes:
         tree["samplers"] = [{"magFilter": 9729, "minFilter": 9987, "wrapS": 10497, "wrapT": 10497}]
         tree["textures"] = [{"source": k, "sampler": 0} for k in range(len(pages))]
     return glb_bytes(tree, data)
+
+
+def unique_rows(rows: Floats) -> tuple[I64, I64]:
+    """Return the index of each distinct row, and for each row which of them it is."""
+    rows = np.ascontiguousarray(rows)
+    flat = rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).ravel()
+    _, first, inverse = np.unique(flat, return_index=True, return_inverse=True)
+    return first, inverse

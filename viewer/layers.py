@@ -151,7 +151,7 @@ def hole_html(hole: dict[str, Any]) -> str:
     area, words = float(hole["area_m2"]), [str(hole["action"]), str(hole.get("cause", ""))]
     reason = html.escape(str(hole.get("reason", "")))
     title = html.escape(" · ".join(filter(None, words)))
-    return padded(f"<b>{title}</b>, {area:.3f} m²<br>{reason}")
+    return padded(f"<b>{title}</b>, {area:.3f} m²<br>{reason}", announced=True)
 
 
 def _summary(repair: dict[str, Any]) -> str:

@@ -23,13 +23,17 @@ def text_html(walk: Walk, part: int) -> str:
     end = walk.rollout.end_reason
     color = "#2b8a3e" if end == "success" else "#c92a2a"
     title = f"{html.escape(walk.name)} · <b style='color:{color}'>{html.escape(end)}</b>"
-    return padded(f"<small>{title}</small><br>{' '.join(marked)}")
+    return padded(f"<small>{title}</small><br>{' '.join(marked)}", announced=True)
 
 
-def padded(content: str) -> str:
-    """Return HTML for the panel, which has no margins of its own."""
+def padded(content: str, *, announced: bool = False) -> str:
+    """Return HTML for the panel, which has no margins of its own.
+
+    A change of what is announced is read out by screen readers.
+    """
     style = "padding:0.2em 0.8em;font-size:0.88em;overflow-wrap:anywhere"
-    return f"<div style='{style}' role='status'>{content}</div>"
+    role = " role='status'" if announced else ""
+    return f"<div style='{style}'{role}>{content}</div>"
 
 
 def event_name(event: Event) -> str:

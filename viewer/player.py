@@ -1,4 +1,4 @@
-"""Play one walk: robot, paths, camera, contacts, text, time line, curves, ghosts."""
+"""Play one walk, and others beside it or as ghosts: robots, cameras, contacts, time line."""
 
 import html
 import threading
@@ -10,19 +10,18 @@ import numpy as np
 import viser
 
 from ..formats.core.arrays import Array
-from ..formats.core.rollout import REST_EVENT, STATE_RATE_HZ
+from ..formats.core.rollout import STATE_RATE_HZ
+from .marks import add_marks, add_name, add_track
 from .panel import AXES, SCALES, SERIES, curve_data, events_html, padded, text_html
 from .robot import RobotNodes
 from .walk import Walk
 
 TICK_S = 1 / 30
 STEP = 25  # samples: a discrete action of VLN-PE
-REFERENCE, WALKED, CONTACT = (255, 170, 0), (0, 120, 255), (230, 30, 30)
+SAID = 20  # samples between what the panel says, and the slider shows, while playing
+CONTACT = (230, 30, 30)
 GHOSTS = ((150, 90, 255), (30, 170, 110), (240, 120, 40))
-ABOVE_M = np.array([0, 0, 0.03])
-UP_M = np.array([0, 0, 0.5])
 FRUSTUM_M = 0.35
-APART_M = 0.8  # of labels of events
 PICTURE_PX = 256  # smaller ones are enlarged
 SPEEDS = ("0.25×", "0.5×", "1×", "2×", "4×")
 
@@ -44,7 +43,7 @@ class Player:
         self._lock = threading.RLock()
         self._nodes: list[Any] = []
         self._robots: list[tuple[Walk, RobotNodes]] = []
-        self._part, self._shot, self._chosen = -1, -1, ""
+        self._part, self._shot, self._said = -1, -1, 0
         self._add_controls(on_next)
         threading.Thread(target=self._tick, daemon=True).start()
 
@@ -90,24 +89,31 @@ class Player:
             command = gui.add_command(label, hotkey=key)
             command.on_trigger(lambda _, call=call: call())
 
-    def show(self, walk: Walk, ghosts: Sequence[Walk] = ()) -> None:
-        """Show a walk from its start, with other walks of the same path as ghosts."""
+    def show(self, walk: Walk, others: Sequence[Walk] = (), apart_m: float = 0.0) -> None:
+        """Show a walk from its start, with other walks of the same path.
+
+        Args:
+            others: Shown as ghosts, or each `apart_m` along x from the one before.
+        """
         with self._lock, self.server.atomic():
             self.playing = False
-            for node in self._nodes:
+            for node in (*(robot for _, robot in self._robots), *self._nodes):
                 node.remove()
-            for _, robot in self._robots:
-                robot.remove()
             self.walk, self.sample = walk, 0
-            self._part, self._shot, self._chosen = -1, -1, ""
+            self._part, self._shot, self._said = -1, -1, 0
             self._robots = [(walk, RobotNodes(self.server, walk.model, "/robot"))]
-            for k, ghost in enumerate(ghosts):
-                color = GHOSTS[k % len(GHOSTS)]
-                nodes = RobotNodes(
-                    self.server, ghost.model, f"/ghost/{k}", color=color, opacity=0.45
+            self._nodes = add_marks(self.server.scene, "/path", walk)
+            for k, other in enumerate(others):
+                self._add_other(f"/other/{k}", other, GHOSTS[k % len(GHOSTS)], apart_m * (k + 1))
+            if apart_m:
+                self._nodes.append(add_name(self.server.scene, "/path/name", walk))
+            self._feet = [
+                self.server.scene.add_icosphere(
+                    f"/feet/{foot}", 0.03, subdivisions=1, color=CONTACT, visible=False
                 )
-                self._robots.append((ghost, nodes))
-            self._nodes = self._add_lines(walk, ghosts)
+                for foot in walk.rollout.foot_names
+            ]
+            self._nodes += self._feet
             self._frustum = self._add_frustum(walk)
             self._time.max = max(0.01, float(walk.rollout.time_s[-1]))
             self._curves.data = curve_data(walk)
@@ -115,28 +121,19 @@ class Player:
             self._picture.visible = walk.shots is not None
             self._play.label = "Play"
         self.go_to(0)
-        self._look()
+        self._look(apart_m * len(others))
 
-    def _add_lines(self, walk: Walk, ghosts: Sequence[Walk]) -> list[Any]:
-        scene, rollout = self.server.scene, walk.rollout
-        nodes = [
-            _line(scene, "/path/reference", rollout.episode.reference_path_world_m, REFERENCE),
-            _line(scene, "/path/walked", _ground(walk), WALKED),
-        ]
-        for k, ghost in enumerate(ghosts):
-            color = GHOSTS[k % len(GHOSTS)]
-            nodes.append(_line(scene, f"/path/ghost{k}", _ground(ghost), color))
-        goal = rollout.episode.goal_position_world_m
-        nodes.append(
-            scene.add_icosphere("/path/goal", 0.08, color=(20, 160, 60), position=tuple(goal))
-        )
-        for k, (at, text) in enumerate(_places(walk)):
-            nodes.append(scene.add_label(f"/events/{k}", text, position=tuple(at + UP_M)))
-        self._feet = [
-            scene.add_icosphere(f"/feet/{foot}", 0.03, color=CONTACT, visible=False)
-            for foot in rollout.foot_names
-        ]
-        return [*nodes, *self._feet]
+    def _add_other(self, root: str, walk: Walk, color: tuple[int, int, int], x_m: float) -> None:
+        """Add another walk as a ghost or, where it has a place of its own, as the first one is."""
+        scene = self.server.scene
+        frame = scene.add_frame(root, show_axes=False, position=(x_m, 0, 0))
+        looks: dict[str, Any] = {} if x_m else {"color": color, "opacity": 0.45}
+        self._robots.append((walk, RobotNodes(self.server, walk.model, f"{root}/robot", **looks)))
+        if x_m:
+            self._nodes += [*add_marks(scene, root, walk), add_name(scene, f"{root}/name", walk)]
+        else:
+            self._nodes.append(add_track(scene, f"{root}/walked", walk, color))
+        self._nodes.append(frame)
 
     def _add_frustum(self, walk: Walk) -> Any:
         if walk.shots is None:
@@ -156,11 +153,13 @@ class Player:
         self._nodes.append(node)
         return node
 
-    def _look(self) -> None:
-        """Look at the robot from behind and above."""
+    def _look(self, width_m: float) -> None:
+        """Look at the robot from behind and above, or at robots side by side from far."""
         assert self.walk is not None
         at, yaw = self.walk.rollout.position_world_m[0], self.walk.rollout.episode.start_yaw_rad
         away = np.array([-1.3 * np.cos(yaw), -1.3 * np.sin(yaw), 3.2])  # over the walls
+        if width_m:
+            at, away = at + np.array([width_m / 2, 0, 0]), width_m * np.array([0, -0.5, 0.9])
         self.server.initial_camera.position = tuple(at + away)
         self.server.initial_camera.look_at = tuple(at)
         for client in self.server.get_clients().values():
@@ -182,6 +181,8 @@ class Player:
         with self._lock:
             self.playing = False
             self._play.label = "Play"
+            if self.walk is not None:
+                self._say(self.walk)
 
     def step(self, samples: int) -> None:
         """Go some samples on, or back."""
@@ -223,9 +224,15 @@ class Player:
             self._show_feet(walk)
             self._show_shot(walk)
             self._show_words(walk)
-            self._time.value = float(walk.rollout.time_s[self.sample])
+            if not self.playing or abs(self.sample - self._said) >= SAID:
+                self._say(walk)
             if self._follow:
                 self._carry(walk.rollout.position_world_m[self.sample] - before)
+
+    def _say(self, walk: Walk) -> None:
+        self._said = self.sample
+        self._time.value = float(walk.rollout.time_s[self.sample])
+        self._status.content = padded(html.escape(walk.chosen(self.sample)))
 
     def _carry(self, moved: Array) -> None:
         """Move everyone's camera with the robot."""
@@ -265,15 +272,13 @@ class Player:
         if part != self._part:
             self._part = part
             self._text.content = text_html(walk, part)
-        chosen = walk.chosen(self.sample)
-        if chosen != self._chosen and (self.sample % 5 == 0 or walk.rollout.actions):
-            self._chosen = chosen
-            self._status.content = padded(html.escape(chosen))
 
     def _tick(self) -> None:
-        last, at = time.monotonic(), 0.0
+        last = due = time.monotonic()
+        at = 0.0
         while True:
-            time.sleep(TICK_S)
+            due = max(due + TICK_S, last)  # what is late is not caught up with
+            time.sleep(max(0.0, due - time.monotonic()))
             now = time.monotonic()
             passed, last = now - last, now
             with self._lock:
@@ -285,33 +290,3 @@ class Player:
                 self.go_to(round(at))
                 if self.sample >= len(self.walk) - 1:
                     self.pause()
-
-
-def _places(walk: Walk) -> list[tuple[Array, str]]:
-    """Return where (3,) [m] events were, those of one place together, with their kinds."""
-    places: list[tuple[Array, list[str]]] = []
-    for event in walk.rollout.events:
-        if event.kind == REST_EVENT:
-            continue
-        sample = min(len(walk) - 1, round(event.time_s * STATE_RATE_HZ))
-        at = walk.rollout.position_world_m[sample]
-        near = (kinds for place, kinds in places if np.linalg.norm(place - at) < APART_M)
-        kinds = next(near, None)
-        if kinds is None:
-            places.append((at, kinds := []))
-        kinds.append(event.kind)
-    return [(at, ", ".join(dict.fromkeys(kinds))) for at, kinds in places]
-
-
-def _ground(walk: Walk) -> Array:
-    points = walk.rollout.position_world_m[::5].copy()
-    points[:, 2] = walk.rollout.floor_z_m[::5]
-    return points
-
-
-def _line(scene: Any, name: str, points_m: Array, color: tuple[int, int, int]) -> Any:
-    points = np.asarray(points_m, float) + ABOVE_M
-    if len(points) < 2:
-        points = np.repeat(points, 2, axis=0)
-    segments = np.stack([points[:-1], points[1:]], axis=1)
-    return scene.add_line_segments(name, segments, color, thickness=4.0, thickness_units="screen")

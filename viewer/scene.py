@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import dataclass
+from pathlib import Path
 
 import cv2
 import fast_simplification
@@ -9,18 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import SceneApi, SceneNodeHandle
 
-from ..formats.core.arrays import F32, I64, U8, Floats, Mask
+from ..formats.core.arrays import F32, U8, Floats, Mask
 from ..formats.core.errors import FileFormatError
 from ..formats.core.frames import quat_to_matrix
 from ..formats.core.geometry import triangle_normals
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.splats.store import SPLATS_NAME, load_splats
-from .glb import Patch, unlit_glb
+from .cache import cached, stamp
+from .glb import Patch, unique_rows, unlit_glb
 
 log = logging.getLogger(__name__)
 
 # Triangles that begin higher above their storey's floor are in the way of someone who looks in.
 UPPER_M = 1.9
+KINDS = ("lower", "upper")
 BELOW_FLOOR_M = 0.3  # a storey begins this far below its floor
 SHOWN_WHITE = 0.9  # linear; white itself would need an endless brightness
 WHITE_GAIN = 2.215  # what is shown as `SHOWN_WHITE`
@@ -44,6 +47,11 @@ class Detail:
     quality: int = 85
 
 
+# What a browser that draws on the processor gets instead while something moves: there a triangle
+# takes 0.9 µs.
+COARSE = Detail(faces=12_000, texels=1_500_000, quality=75)
+
+
 @dataclass(frozen=True)
 class SceneNodes:
     """Nodes of a scene.
@@ -52,12 +60,14 @@ class SceneNodes:
         lower: per storey, what begins below `UPPER_M`; splats are all in the first.
         upper: per storey, ceilings and lamps.
         faces, faces_before: triangles shown and of the scene.
+        width_m: along x.
     """
 
     lower: tuple[SceneNodeHandle, ...]
     upper: tuple[SceneNodeHandle, ...]
     faces: int
     faces_before: int
+    width_m: float
 
     def show(self, level: int | None = None, *, ceiling: bool = False) -> None:
         """Show one storey, or all, with or without its ceiling; splats have one for all levels."""
@@ -84,12 +94,53 @@ def add_scene(
     detail = detail or Detail()
     if mesh is None and (bundle.root / SPLATS_NAME).is_file():
         node = _add_splats(api, bundle, name, detail)
-        return SceneNodes((node,), (api.add_frame(f"{name}/none", show_axes=False),), 0, 0)
-    mesh = mesh or bundle.visual()
+        none = api.add_frame(f"{name}/none", show_axes=False)
+        grid = bundle.freemap(0).grid
+        return SceneNodes((node,), (none,), 0, 0, grid.columns * grid.cell_m)
+    if mesh is None:
+        key = repr((detail, COARSE, stamp(bundle.root.resolve()), stamp(Path(__file__).parent)))
+        parts = cached(key, lambda: _both(bundle, detail))
+    else:
+        parts = _parts(bundle, mesh, detail)
+    shown, before, width_m = np.frombuffer(parts["counts"])
+    if shown < before:
+        log.warning("%s: %d of %d triangles shown", bundle.scene_id, shown, before)
+    nodes: list[list[SceneNodeHandle]] = [[], []]
+    for k in range(max(1, len(bundle.level_floor_z_m))):
+        for part, kind in enumerate(KINDS):
+            nodes[part].append(api.add_frame(f"{name}/{k}/{kind}", show_axes=False))
+            for fineness in ("fine", "coarse"):  # see `page.js`
+                path = f"{k}/{kind}/{fineness}"
+                if glb := parts.get(path):
+                    api.add_glb(
+                        f"{name}/{path}",
+                        glb,
+                        visible=fineness == "fine",
+                        cast_shadow=False,
+                        receive_shadow=False,
+                    )
+    result = SceneNodes(tuple(nodes[0]), tuple(nodes[1]), int(shown), int(before), width_m)
+    result.show()
+    return result
+
+
+def _both(bundle: SceneBundle, detail: Detail) -> dict[str, bytes]:
+    """Return the parts of a scene, and its coarse ones."""
+    mesh = bundle.visual()
+    coarse = _parts(bundle, mesh, COARSE, "coarse") if len(mesh.faces) > 2 * COARSE.faces else {}
+    return coarse | _parts(bundle, mesh, detail)
+
+
+def _parts(
+    bundle: SceneBundle, mesh: VisualMesh, detail: Detail, fineness: str = "fine"
+) -> dict[str, bytes]:
+    """Return each storey's lower and upper part as GLB, and `counts`.
+
+    These are triangles shown, triangles of the scene, and its width along x, as float64.
+    """
     before = len(mesh.faces)
     if before > detail.faces:
         mesh = simplified(mesh, detail.faces)
-        log.warning("%s: %d of %d triangles shown", bundle.scene_id, len(mesh.faces), before)
     used = {bundle.materials[k].texture for k in np.unique(mesh.face_material)}
     images = _images(bundle, detail, {path for path in used if path is not None})
     corners = mesh.vertices[mesh.faces]
@@ -98,21 +149,14 @@ def add_scene(
     level = np.searchsorted(starts - BELOW_FLOOR_M, center_z, side="right") - 1
     level = np.clip(level, 0, max(0, len(starts) - 1))
     high = low_z > (starts[level] if len(starts) else 0.0) + UPPER_M
-    nodes: list[list[SceneNodeHandle]] = [[], []]
+    result = {}
     for k in range(max(1, len(starts))):
-        for part, kind in enumerate(("lower", "upper")):
+        for part, kind in enumerate(KINDS):
             patches = _patches(bundle, mesh, images, (level == k) & (high == bool(part)))
-            path = f"{name}/{k}/{kind}"
-            nodes[part].append(
-                api.add_glb(
-                    path, unlit_glb(patches, WHITE_GAIN), cast_shadow=False, receive_shadow=False
-                )
-                if patches
-                else api.add_frame(path, show_axes=False)
-            )
-    result = SceneNodes(tuple(nodes[0]), tuple(nodes[1]), len(mesh.faces), before)
-    result.show()
-    return result
+            glb = unlit_glb(patches, WHITE_GAIN) if patches else b""
+            result[f"{k}/{kind}/{fineness}"] = glb
+    counts = np.array([len(mesh.faces), before, np.ptp(corners[..., 0])])
+    return {**result, "counts": counts.tobytes()}
 
 
 def simplified(mesh: VisualMesh, faces: int) -> VisualMesh:
@@ -128,7 +172,7 @@ def simplified(mesh: VisualMesh, faces: int) -> VisualMesh:
         ],
         axis=1,
     )
-    first, inverse = _unique_rows(keys.astype(np.float64))
+    first, inverse = unique_rows(keys.astype(np.float64))
     points = mesh.vertices[mesh.faces.ravel()[first]].astype(np.float64)
     uv = mesh.corner_uv.reshape(-1, 2)[first]
     material = np.repeat(mesh.face_material, 3)[first]
@@ -149,14 +193,6 @@ def simplified(mesh: VisualMesh, faces: int) -> VisualMesh:
     )
 
 
-def _unique_rows(rows: NDArray[np.float64]) -> tuple[I64, I64]:
-    """Return the index of each distinct row, and for each row which of them it is."""
-    rows = np.ascontiguousarray(rows)
-    flat = rows.view(np.dtype((np.void, rows.dtype.itemsize * rows.shape[1]))).ravel()
-    _, first, inverse = np.unique(flat, return_index=True, return_inverse=True)
-    return first, inverse
-
-
 def _patches(
     bundle: SceneBundle, mesh: VisualMesh, images: dict[str, bytes], chosen: Mask
 ) -> list[Patch]:
@@ -172,7 +208,7 @@ def _patches(
         shade = np.repeat(np.round(16 * np.nan_to_num(shade, nan=0.8)) / 16, 3)
         uv = mesh.corner_uv[faces].reshape(-1, 2)
         keys = np.column_stack([mesh.faces[faces].ravel(), shade, *([] if image is None else [uv])])
-        first, inverse = _unique_rows(keys.astype(np.float64))
+        first, inverse = unique_rows(keys.astype(np.float64))
         linear = before_tone_mapping(np.asarray(material.base_color)) ** 2.2
         rgb = 255 * np.clip(shade[first, None] * linear, 0, 1)
         result.append(

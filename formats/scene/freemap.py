@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.ndimage import distance_transform_edt, gaussian_filter
-from skimage.measure import label
+
+# Their parts, which take a second to import, come with their first use.
+import scipy
+import skimage
 
 from ..core.arrays import F32, Array, Mask
 from ..core.errors import SceneError
@@ -48,7 +50,7 @@ class Freemap:
                 f"again to plan for robots lower than {FULL_HEIGHT_M:g} m"
             )
         low = self.traversable | (np.isfinite(self.floor_z_m) & (self.headroom_m >= height_m))
-        parts = np.asarray(label(low, connectivity=1))
+        parts = np.asarray(skimage.measure.label(low, connectivity=1))
         reached = low & np.isin(parts, np.unique(parts[self.traversable]))
         return Freemap(self.grid, self.floor_z_m, reached, self.headroom_m)
 
@@ -59,7 +61,7 @@ class Freemap:
         The outside of the grid counts as untraversable. Measured to the blocked cell's edge.
         """
         padded = np.pad(self.traversable, 1)
-        distance = np.asarray(distance_transform_edt(padded))[1:-1, 1:-1]
+        distance = np.asarray(scipy.ndimage.distance_transform_edt(padded))[1:-1, 1:-1]
         return np.maximum(distance - 0.5, 0.0) * self.grid.cell_m
 
     @cached_property
@@ -69,13 +71,15 @@ class Freemap:
         It points away from the nearest obstacle; the blur makes it vanish smoothly on the centre
         lines of passages, where the clearance has a crease.
         """
-        along_y, along_x = np.gradient(gaussian_filter(self.clearance_m, 2.0), self.grid.cell_m)
+        along_y, along_x = np.gradient(
+            scipy.ndimage.gaussian_filter(self.clearance_m, 2.0), self.grid.cell_m
+        )
         return np.stack([along_x, along_y])
 
     @cached_property
     def floor_z_everywhere_m(self) -> Array:
         """Return floor heights (rows, columns) [m], the nearest floor's where there is none."""
-        index = distance_transform_edt(
+        index = scipy.ndimage.distance_transform_edt(
             ~np.isfinite(self.floor_z_m), return_distances=False, return_indices=True
         )
         return self.floor_z_m[tuple(np.asarray(index))].astype(np.float64)

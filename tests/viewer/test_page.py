@@ -21,10 +21,10 @@ from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.flags import FlagFile
 from vlnpe.formats.core.rollout import Event
 from vlnpe.viewer.browser import RunBrowser
+from vlnpe.viewer.gate import open_page
 from vlnpe.viewer.layers import SceneView
 from vlnpe.viewer.library import Entry
-from vlnpe.viewer.page import saved_page
-from vlnpe.viewer.server import LocalServer
+from vlnpe.viewer.server import LocalServer, saved_page
 from vlnpe.viewer.walk import Shots, Walk
 
 FIRST, SECOND = "Walk past the table.", "Stop by the <b>sofa</b>."
@@ -50,12 +50,27 @@ def make_walk(name: str, robot: str = "aliengo", shots: bool = True) -> Walk:
     return Walk(name, rollout, model, seen if shots else None)
 
 
-def make_entry(name: str, contacts: int = 0, length_m: float = 5.0) -> Entry:
+def make_entry(
+    name: str, contacts: int = 0, length_m: float = 5.0, folder: Path = Path("none")
+) -> Entry:
     robot, controller, episode = name.split("/")
     return Entry(
-        name, robot, controller, episode, "two_rooms", "success", length_m, 6.0, contacts,
-        load=lambda: make_walk(name, robot), ends=lambda: None,
+        name, folder, name, robot, controller, episode, "two_rooms", "success", length_m, 6.0,
+        contacts, load=lambda: make_walk(name, robot), ends=lambda: None,
     )  # fmt: skip
+
+
+def nameless(page) -> list[str]:
+    """Return what a screen reader can stop at and has no name for."""
+    nodes = page.call("Accessibility.getFullAXTree")["nodes"]
+    roles = ("button", "slider", "checkbox", "textbox", "combobox", "image", "img", "tab")
+    return [
+        str(page.call("DOM.describeNode", backendNodeId=node["backendDOMNodeId"])["node"])
+        for node in nodes
+        if not node.get("ignored")
+        and node["role"]["value"] in roles
+        and not node.get("name", {}).get("value", "").strip()
+    ]
 
 
 @pytest.fixture
@@ -66,8 +81,8 @@ def server():
 
 
 def open_run(server: LocalServer, scene: Path, run: Path) -> RunBrowser:
-    entries = [make_entry(f"aliengo/path/ep{k}", contacts=k % 2) for k in range(3)]
-    page = RunBrowser(server, entries, scene.parent, FlagFile(run))
+    entries = [make_entry(f"aliengo/path/ep{k}", contacts=k % 2, folder=run) for k in range(3)]
+    page = RunBrowser(server, entries, scene.parent)
     page.show(entries[0])
     return page
 
@@ -94,10 +109,55 @@ def test_the_robot_moves_and_the_text_follows_when_play_is_pressed(server, scene
         page.wait(f"document.querySelector('mark')?.innerText === {SECOND!r}")
         assert page.evaluate("document.querySelectorAll('mark b').length") == 0  # text, no markup
         assert page.evaluate("document.title") == "test"
-        page.wait("document.querySelector('[role=slider]').ariaLabel === 'Time [s]'")
+        page.wait("new Promise(done => setTimeout(() => done(true), 3000))")
+        assert nameless(page) == []
         assert shown.player._robots[0][1]._nodes[0].position[0] > 3.0  # the trunk, in the scene
         until(lambda: not shown.player.playing, 120, "the walk ends")
         assert all(url.startswith((server.url[:20], "data:", "blob:")) for url in page.requests)
+
+
+@pytest.mark.chain
+def test_two_walks_of_a_path_walk_side_by_side_or_as_ghosts(server, scene, tmp_path):
+    first, second = (
+        make_entry(f"{robot}/path/ep0", folder=tmp_path) for robot in ("aliengo", "h1")
+    )
+    shown = RunBrowser(server, [first, second], scene.parent)
+    with chromium(tmp_path, 720, 600) as page:
+        shown.show(first, [second])
+        page.open(server.url)
+        page.wait_for("Compare with")
+        nodes = "Object.keys(window.__viserSceneTree?.getState() ?? {})"
+        page.wait(f"{nodes}.some(name => name.startsWith('/other/0/robot'))")
+        assert not page.evaluate(f"{nodes}.some(name => name.startsWith('/beside'))")
+        shown._beside.value = True
+        shown.show(first, [second])
+        page.wait(f"{nodes}.includes('/beside/scene/0/lower') && {nodes}.includes('/other/0/goal')")
+        page.wait(
+            "window.__viserMutable.nodePoseData['/other/0'].position[0] > 8"
+        )  # two rooms wide
+        page.click_on("Play")
+        until(lambda: shown.player.sample > 200, 120, "both walk")
+        for _, robot in shown.player._robots:
+            assert robot._nodes[0].position[0] > 2.0
+        shown.show(first)
+        page.wait(f"!{nodes}.some(name => /^.(beside|other.0)/.test(name))")
+
+
+@pytest.mark.chain
+def test_the_browsers_command_line_has_no_token(server, scene, tmp_path, monkeypatch):
+    open_run(server, scene, tmp_path)
+    opened: list[str] = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    open_page(server.url)
+    (address,) = opened
+    file = Path(urlsplit(address).path)
+    token = server.url.partition("=")[2]
+    assert token not in address and token in file.read_text()
+    assert (file.stat().st_mode & 0o777, file.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+    with chromium(tmp_path, 720, 600) as page:
+        page.open(address)
+        page.wait_for("Walk past the table.")
 
 
 @pytest.mark.chain
@@ -115,7 +175,7 @@ def test_keys_step_and_a_flag_survives_a_reload_and_a_restart(server, scene, tmp
         page.open(server.url)
         page.click_on("Walks")
         page.wait_for("⚑ aliengo/path/ep1")
-    again = RunBrowser(LocalServer("again"), shown.entries, scene.parent, FlagFile(tmp_path))
+    again = RunBrowser(LocalServer("again"), shown.entries, scene.parent)
     again.show(shown.entries[1])
     assert again._flag.value
     again.server.stop()

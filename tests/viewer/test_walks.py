@@ -21,6 +21,7 @@ from vlnpe.formats.splats.store import save_splats
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.stages.datasets.export_items import rows_to_export
 from vlnpe.rendering.scene.robot_body import RobotBody
+from vlnpe.viewer.cache import MOST, cached, stamp
 from vlnpe.viewer.layers import SceneView
 from vlnpe.viewer.library import Choice, chosen, outlier_scores, table_html
 from vlnpe.viewer.scene import WHITE_GAIN, Detail, add_scene, before_tone_mapping, simplified
@@ -142,3 +143,29 @@ def test_a_simplified_mesh_keeps_its_shape_and_texture():
     )
     assert area.sum() / 2 == pytest.approx(16.0, rel=0.01)
     np.testing.assert_allclose(small.corner_uv, corners[..., :2] / 4, atol=0.02)
+
+
+def test_what_was_prepared_is_kept_unless_it_is_damaged_or_old(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    parts, made = {"0/lower": b"glb", "0/upper": b""}, []
+
+    def make() -> dict[str, bytes]:
+        made.append(1)
+        return parts
+
+    assert cached("a scene", make) == cached("a scene", make) == parts
+    assert len(made) == 1
+    (file,) = tmp_path.rglob("*.npz")
+    file.write_bytes(file.read_bytes()[:-30])
+    assert cached("a scene", make) == parts and len(made) == 2
+    for number in range(MOST + 2):
+        cached(str(number), make)
+    assert len(list(tmp_path.rglob("*.npz"))) == MOST
+
+
+def test_a_scene_written_again_is_prepared_again(two_rooms, tmp_path):
+    shutil.copytree(two_rooms.root, tmp_path, dirs_exist_ok=True)
+    before = stamp(tmp_path)
+    assert stamp(tmp_path) == before
+    (tmp_path / "scene.json").touch()
+    assert stamp(tmp_path) != before

@@ -1,0 +1,43 @@
+"""What takes seconds to prepare for the browser is kept in the user's cache."""
+
+import hashlib
+import io
+import os
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..formats.core.atomic import write_bytes
+
+MOST = 16  # files, of some MB each
+
+
+def cached(key: str, make: Callable[[], dict[str, bytes]]) -> dict[str, bytes]:
+    """Return what `make` returns, or returned earlier for the same key."""
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    path = base / "vlnpe" / "viewer" / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    try:
+        with np.load(path) as stored:
+            return {name: stored[name].tobytes() for name in stored.files}
+    except (OSError, ValueError, zipfile.BadZipFile):  # none yet, or damaged
+        made = make()
+    stream = io.BytesIO()
+    arrays = {name: np.frombuffer(data, np.uint8) for name, data in made.items()}
+    np.savez(stream, allow_pickle=False, **arrays)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_bytes(path, stream.getvalue())
+        files = sorted(path.parent.glob("*.npz"), key=lambda file: -file.stat().st_mtime)
+        for old in files[MOST:]:
+            old.unlink(missing_ok=True)
+    except OSError:  # a cache that cannot be written is none
+        pass
+    return made
+
+
+def stamp(folder: Path) -> str:
+    """Return what changes when a file in a folder is written again."""
+    files = sorted(p for p in folder.rglob("*.*") if p.is_file() and p.suffix != ".pyc")
+    return repr([(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files])
