@@ -71,8 +71,8 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
     | action | int64 (T) | 0 STOP, 1 FORWARD, 2 LEFT, 3 RIGHT; STOP is the last and no other |
     | previous_action | int64 (T) | 0 at the first step, else 1 + the action executed before (in
       walks of DAgger not always the label) |
-    | weight | float32 (T) | inflection weight: the coefficient where the action differs from the
-      one executed before (and at the first step), else 1 |
+    | weight | float32 (T) | inflection weight: the coefficient where the action changes (and at
+      the first step), else 1 |
     | progress | float32 (T) | 0 … 1 |
     | motion | float32 (T, 3) | Δx, Δy [m], Δyaw [rad] to the next step, in this step's frame |
     | pose | float32 (T, 3) | x, y [m], yaw [rad] relative to the first frame |
@@ -138,7 +138,7 @@ class EpisodeSequences(Dataset[dict[str, Any]]):
         count, steps = len(frames), min(len(frames), self.config.max_steps)
         executed = rows[EXECUTED][:, 0] if labelled else actions
         previous = np.concatenate([[0], 1 + executed[:-1]])
-        changed = previous != 1 + actions
+        changed = np.concatenate([[True], np.diff(actions) != 0])
         item: dict[str, Any] = {
             "tokens": torch.from_numpy(self.tokens.encode(self.instruction_choice.text(entry))),
             "action": _tensor(actions, steps),

@@ -5,6 +5,7 @@ import logging
 import zlib
 from collections.abc import Collection, Mapping
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
+from ...formats.core.source import code_digest
 from ..config import IMAGES
 from ..images import DEPTH_STEP_M, to_millimetres
 
@@ -99,12 +101,17 @@ class CachedSequences(Dataset[dict[str, Any]]):
         return entry, path
 
     def _key(self, entry: EpisodeEntry) -> str:
-        """Return a key of the episode's place, its files, and the contents of an item."""
-        parts: list[Any] = [entry.uid, entry.length, self.sequences.config]
+        """Return a key of the episode's place, its files, the contents of an item, and the code."""
+        parts: list[Any] = [entry.uid, entry.length, self.sequences.config, _code()]
         for path in [entry.rows, *(place.path for place in entry.videos.values())]:
             facts = path.stat()
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
         return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+@cache
+def _code() -> str:
+    return code_digest(EpisodeSequences.__module__)
 
 
 def _is_whole(path: Path) -> bool:
