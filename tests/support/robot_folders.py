@@ -1,6 +1,6 @@
 """Folders of a user's robot: the documented rover, and exports of ours."""
 
-import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -8,18 +8,12 @@ from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.robots import get_robot
 from vlnpe.collectors.robots.folder.export import export_robot
 
-DOCUMENT = Path(__file__).resolve().parents[2] / "docs" / "reference" / "robots.md"
+ROVER = Path(__file__).resolve().parents[2] / "examples" / "rover"
 
 
 def written_rover(folder: Path) -> Path:
-    """The rover of docs/reference/robots.md, as its reader would write it."""
-    text = DOCUMENT.read_text()
-    folder.mkdir(parents=True)
-    for name, kind in (("robot.toml", "toml"), ("model.xml", "xml")):
-        block = re.search(rf"```{kind}\n(.*?)```", text, re.DOTALL)
-        assert block
-        (folder / name).write_text(block[1])
-    return folder
+    """The rover of the examples, as its reader would copy it."""
+    return Path(shutil.copytree(ROVER, folder))
 
 
 def exported(name: str, folder: Path) -> Path:
