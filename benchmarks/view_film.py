@@ -16,7 +16,7 @@ from vlnpe.viewer.browser import RunBrowser
 from vlnpe.viewer.server import LocalServer
 
 WINDOW_PX, FILM_PX = (1180, 720), (720, 439)
-EVERY, SPEED, MOST = 15, 1.5, 60  # samples between frames; how much faster than life; frames
+EVERY, SPEED, MOST = 20, 1.5, 36  # samples between frames; times life; frames
 QUALITY = 45
 
 
