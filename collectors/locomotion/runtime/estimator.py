@@ -122,7 +122,7 @@ def _update(readings, legs, memory, body):
         resting &= np.abs(gyro[n] - bias).max() < LEVEL_RAD_S
         for i in range(3):
             if resting:
-                bias[i] += dt / min(ages[n], REST_S) * (gyro[n, i] - bias[i])
+                bias[i] += dt / min(1.0 + ages[n], REST_S) * (gyro[n, i] - bias[i])
             turn[i] = turned[n, i] - dt * bias[i]
         _turn_back(turn, down)
         _turn_back(turn, velocity)
