@@ -4,7 +4,7 @@ from setuptools import find_namespace_packages, setup
 
 FOLDERS = """apartments collectors datasets evaluation formats geometry instruction_gen learning
 pipeline rendering scene_repair trajectory_sampler viewer wayfinding""".split()
-DATA = "css html j2 js json safetensors txt typed yaml".split()
+DATA = "css html j2 js json safetensors toml txt typed xml yaml".split()
 
 inner = find_namespace_packages(
     include=[pattern for name in FOLDERS for pattern in (name, f"{name}.*")],

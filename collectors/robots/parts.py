@@ -110,6 +110,22 @@ class Foot:
 
 
 @dataclass(frozen=True, kw_only=True)
+class StepRhythm:
+    """The rhythm of a user's own walking robot, from which the gait to be trained is derived.
+
+    Attributes:
+        frequency_hz: gait cycles per second.
+        foot_offsets: (F,) phase offset of each foot in cycles; a foot swings during the first half
+            of its cycle.
+        swing_height_m: height of a foot's arc above the ground.
+    """
+
+    frequency_hz: float
+    foot_offsets: tuple[float, ...]
+    swing_height_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class WheelDrive:
     """A differential drive: wheels on two sides, turned by velocity servos.
 

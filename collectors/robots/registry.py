@@ -16,6 +16,8 @@ from .vlnce import VLNCE
 ROBOTS: dict[str, RobotSpec] = {robot.name: robot for robot in (H1, G1, ALIENGO, JETBOT, VLNCE)}
 # Robots that exist at any size, as `<name>@<scale>`.
 SCALABLE: dict[str, Callable[[float], RobotSpec]] = {"jetbot": jetbot}
+# Robots that are folders like a user's own, by name.
+FOLDERS: dict[str, Path] = {"go2": Path(__file__).parent / "go2"}
 # Words that mean something else where a robot's name is expected.
 RESERVED = frozenset({"all", "models", "robots"})
 
@@ -24,7 +26,7 @@ def get_robot(name: str) -> RobotSpec:
     """Return the robot called `name`.
 
     Args:
-        name: key of `ROBOTS`, `jetbot@2.5` for another size, or the path of a folder with a
+        name: key of `ROBOTS` or `FOLDERS`, `jetbot@2.5` for another size, or the path of a folder with a
             user's own robot.
 
     Raises:
@@ -42,11 +44,13 @@ def get_robot(name: str) -> RobotSpec:
             raise InputError(
                 f"robot {name!r}: scale {scale!r} is not a number; valid: e.g. {kind}@2.5"
             ) from error
-    folder = Path(name)
+    folder = FOLDERS.get(name, Path(name))
     if not folder.is_dir():
         raise UnknownNameError("robot", name, valid_names())
     robot = load_robot_folder(folder)
-    if robot.name in ROBOTS or robot.name in RESERVED:
+    ours = FOLDERS.get(robot.name)
+    taken = robot.name in ROBOTS or robot.name in RESERVED
+    if taken or (ours is not None and not ours.samefile(folder)):
         raise FileFormatError(
             folder / FACTS_NAME, f"name is {robot.name!r}, which is reserved; choose another"
         )
@@ -55,4 +59,5 @@ def get_robot(name: str) -> RobotSpec:
 
 def valid_names() -> list[str]:
     """Return the valid names of robots, for messages."""
-    return [*ROBOTS, *(f"{name}@<scale>" for name in SCALABLE), f"a folder with a {FACTS_NAME}"]
+    scaled = [f"{name}@<scale>" for name in SCALABLE]
+    return [*ROBOTS, *FOLDERS, *scaled, f"a folder with a {FACTS_NAME}"]

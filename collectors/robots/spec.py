@@ -9,7 +9,15 @@ import mujoco
 import numpy as np
 
 from ...formats.core.arrays import Array
-from .parts import CameraMount, CommandLimits, FallThresholds, Foot, JointFacts, WheelDrive
+from .parts import (
+    CameraMount,
+    CommandLimits,
+    FallThresholds,
+    Foot,
+    JointFacts,
+    StepRhythm,
+    WheelDrive,
+)
 
 TIMESTEP_S = 0.005  # 200 Hz, as VLN-PE
 POLICY_DECIMATION = 4  # physics steps per policy step: 50 Hz
@@ -51,6 +59,7 @@ class RobotSpec:
         sources: where the facts come from, one line each.
         build: function that returns a new `MjSpec` of the robot alone.
         drive: the wheels of a robot on wheels; None for one that walks.
+        rhythm: how a user's own robot steps, to train a gait for it; None if it does not say.
         folder: folder of a user's own robot; None for a built-in one.
         content_sha256: digest of that folder's files; empty for a built-in robot.
     """
@@ -73,6 +82,7 @@ class RobotSpec:
     action_scale_rad: float = 0.0
     root_joint: str = "root"
     drive: WheelDrive | None = None
+    rhythm: StepRhythm | None = None
     folder: Path | None = None
     content_sha256: str = ""
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from ...collectors.robots import ROBOTS, RobotSpec, get_robot
 from ...collectors.robots.folder.export import export_robot
 from ...collectors.robots.folder.urdf import import_urdf
+from ...collectors.robots.registry import FOLDERS
 from ...formats.core.errors import FileFormatError, InputError
 from ..options.robots import Robots
 from ..summary import print_result
@@ -37,7 +38,7 @@ def _list(options: Robots) -> tuple[dict[str, object], list[str], bool]:
     # Imported late: loading the physics and rendering modules takes seconds.
     from ..robot_sheet import details, missed_gates, sheet_of, table
 
-    sheets = [sheet_of(get_robot(name)) for name in options.names or ROBOTS]
+    sheets = [sheet_of(get_robot(name)) for name in options.names or (*ROBOTS, *FOLDERS)]
     lines = [table(sheets)]
     lines += ["", *map(details, sheets)] if options.names else missed_gates(sheets)
     unusable = bool(options.names) and any(sheet.problem for sheet in sheets)

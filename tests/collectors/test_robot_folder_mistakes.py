@@ -195,7 +195,7 @@ WALKING_MISTAKES = {
         network_of("h1"),
         r"policy.safetensors: it takes 194 numbers and gives 10; valid: an observation of 230",
     ),
-    "no action scale": (edit(TOML, "action_scale_rad", "#"), r"action_scale_rad is missing"),
+    "no action scale": (edit(TOML, "action_scale_rad = 0.5", "action_scale_rad = 0.4"), r"scale"),
     "too many joints": (edit(TOML, "policy_joints = 12", "policy_joints = 13"), r"1 … 12"),
     "wheels too": (
         edit(

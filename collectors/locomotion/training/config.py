@@ -25,6 +25,7 @@ class RewardWeights:
     swing_height: float = -60.0
     foot_slip: float = -0.6
     sideways: float = -0.4
+    sway: float = 0.0
     stand_pose: float = -1.0
     stand_joint_velocity: float = -0.02
     joint_limit: float = -5.0
@@ -43,7 +44,8 @@ class TrainingConfig:
         command_beyond: and from this much beyond them, for vx, vy [m/s] and yaw [rad/s].
         swing_height_m: height of the foot's arc above the ground.
         high_swing: weight of being above that arc, over that of being below.
-        stand_joint_rad: pose to stand in, per leg, at the robot's base height.
+        stand_joint_rad: pose to stand in, per leg, at the robot's base height; the default pose
+            where empty.
         yaw_widths: squared widths [(rad/s)²] of the bells that reward the turn rate.
         linear_mean_widths, yaw_mean_widths: squared widths [(m/s)², (rad/s)²] of the bells that
             reward the mean velocity.

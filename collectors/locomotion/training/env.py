@@ -18,9 +18,9 @@ from ..runtime.step import GaitStep
 from ..trials.terrain import Terrain
 from ..trials.trial import STEP_S, TargetPipe, fallen
 from .config import TrainingConfig
-from .gaits import GAITS
 from .mirror import Symmetry
 from .randomize import draw_latency, randomize_models
+from .recipes import recipe
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .schedule import Schedule
 
@@ -48,7 +48,7 @@ class GaitEnv(VecEnv):
         threads: int,
     ) -> None:
         self.robot, self.config, self.terrain, self.rng = robot, config, terrain, rng
-        self.gait = GAITS[robot.name]
+        self.gait = recipe(robot).gait
         self.cfg = asdict(config)
         self.device = "cpu"
         self.num_envs, self.num_actions = config.envs, robot.policy_joints
@@ -72,7 +72,9 @@ class GaitEnv(VecEnv):
         self._body = BodyFacts(
             base_height_m=robot.base_height_m,
             default_joint_rad=self._default[: robot.policy_joints],
-            stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet)),
+            stand_joint_rad=np.tile(config.stand_joint_rad, len(robot.feet))
+            if config.stand_joint_rad
+            else self._default[: robot.policy_joints],
             joint_range_rad=np.array([j.range_rad for j in robot.joints[: robot.policy_joints]]),
             sideways=self.symmetry.joint_signs.numpy() < 0,
         )

@@ -19,8 +19,8 @@ from ..runtime.network import decode_layers, encode_layers
 from ..runtime.observation import layout
 from ..runtime.policy import policy_files
 from .config import TrainingConfig
-from .gaits import GAITS
 from .mirror import Symmetry
+from .recipes import recipe
 
 
 def encode_actor(actor: Any, mirror: Symmetry | None = None) -> bytes:
@@ -51,7 +51,7 @@ def folded_layers(
 
 
 def _float64(values: torch.Tensor) -> Array:
-    return values.detach().numpy().astype(np.float64)
+    return values.detach().cpu().numpy().astype(np.float64)
 
 
 def with_mirror_image(
@@ -107,7 +107,7 @@ def write_policy(
         torque_nm=tuple(joint.torque_nm for joint in robot.joints),
         speed_rad_s=tuple(s if math.isfinite(s) else None for s in speeds),
         rate_hz=RATE_HZ,
-        gait=GAITS[robot.name],
+        gait=recipe(robot).gait,
         network_sha256="",
         training=training,
         evaluation={},

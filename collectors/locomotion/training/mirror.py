@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import mujoco
 import numpy as np
 import torch
 from tensordict import TensorDict
 
-from ...robots import RobotSpec
+from ....formats.core.errors import InputError
+from ...robots import RobotHandles, RobotSpec
 from ..runtime.observation import layout
 
 # Signs of the vector blocks under a reflection of y; rates are axial vectors.
@@ -26,15 +28,33 @@ _BLOCK_SIGNS = {
 def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
     """Return the permutation and signs that mirror vectors of policy joints.
 
-    The first part of a name is its side. A joint about the y axis keeps its sense under a
-    reflection of y; joints about x and z reverse theirs.
+    Each joint's partner is the one that lies at its mirror image in the default pose. An axis is an
+    axial vector, of which a reflection of y reverses x and z.
+
+    Raises:
+        InputError: a joint has no partner; the robot is not symmetric.
     """
-    names = list(robot.policy_joint_names)
-    other = {"FL": "FR", "FR": "FL", "RL": "RR", "RR": "RL", "left": "right", "right": "left"}
-    sides = [name.split("_", 1) for name in names]
-    order = [names.index(f"{other[side]}_{rest}") for side, rest in sides]
     model = robot.build_model(floor=False)
-    return order, [1 if abs(model.joint(name).axis[1]) > 0.5 else -1 for name in names]
+    data = mujoco.MjData(model)
+    handles = RobotHandles.find(robot, model)
+    handles.spawn(data)
+    mujoco.mj_kinematics(model, data)
+    joints = [model.joint(name).id for name in robot.policy_joint_names]
+    place, axis = data.xanchor[joints], data.xaxis[joints]
+    image, turned = place * (1.0, -1.0, 1.0), axis * (-1.0, 1.0, -1.0)
+    off = np.linalg.norm(image[:, None] - place[None], axis=2)
+    along = np.einsum("ik,jk->ij", turned, axis)
+    off += 1.0 - np.abs(along)
+    order = off.argmin(axis=1)
+    # Bodies of real robots are symmetric to a millimetre or so.
+    lonely = np.flatnonzero(off.min(axis=1) > 0.01)
+    if len(lonely):
+        raise InputError(
+            f"robot {robot.name}: joint {robot.policy_joint_names[lonely[0]]} has no mirror image; "
+            "valid: a robot that is symmetric about y = 0 in its default pose"
+        )
+    signs = np.sign(along[np.arange(len(joints)), order]).astype(int)
+    return order.tolist(), signs.tolist()
 
 
 def mirror_observation(robot: RobotSpec, past: int = 0) -> tuple[list[int], list[int]]:
@@ -81,7 +101,7 @@ def mirrored(
     mirror: Symmetry = env.symmetry
     if obs is not None:
         both = obs["policy"]
-        image = both[:, mirror.observation_order] * mirror.observation_signs
+        image = both[:, mirror.observation_order] * mirror.observation_signs.to(both.device)
         obs = TensorDict(
             {
                 "policy": torch.cat([both, image]),
@@ -90,6 +110,6 @@ def mirrored(
             batch_size=[2 * len(both)],
         )
     if actions is not None:
-        image = actions[:, mirror.joint_order] * mirror.joint_signs
+        image = actions[:, mirror.joint_order] * mirror.joint_signs.to(actions.device)
         actions = torch.cat([actions, image])
     return obs, actions

@@ -3,7 +3,7 @@
 `python -m vlnpe.collectors.locomotion.training.train aliengo [--publish]`
 
 Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
-output folder; `--publish` evaluates the result and installs it beside this file.
+output folder; `--publish` evaluates the result and installs it, a robot of one's own in its folder.
 """
 
 import csv
@@ -20,13 +20,13 @@ import tyro
 from rsl_rl.runners import OnPolicyRunner
 
 from ....formats.core.atomic import atomic_file
-from ....formats.core.errors import UnknownNameError, VlnpeError
+from ....formats.core.errors import VlnpeError
 from ...robots import RobotSpec, get_robot
-from ..runtime.card import POLICY_FOLDER
 from ..trials.terrain import Terrain, rough_terrain
-from .config import PHASES, ppo_config
+from .config import ppo_config
 from .env import GaitEnv
 from .export import write_policy
+from .recipes import recipe
 
 log = logging.getLogger(__name__)
 CHUNK = 10  # iterations per line of the learning curve
@@ -37,10 +37,12 @@ class Arguments:
     """Train one robot's gait.
 
     Attributes:
-        robot: registry name.
+        robot: registry name, or the folder of a robot of one's own that has a table [gait] in
+            robot.toml.
         out: folder of checkpoints and learning curve; default `runs/gait-<robot>`.
         seed: random seed of the training.
         threads: number of threads for physics.
+        device: where PyTorch learns: cpu, cuda.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
     """
@@ -49,6 +51,7 @@ class Arguments:
     out: Path | None = None
     seed: int = 0
     threads: int = 2
+    device: str = "cpu"
     publish: bool = False
     iterations: int | None = None
 
@@ -57,34 +60,33 @@ def run(arguments: Arguments) -> None:
     """Train as the command line says.
 
     Raises:
-        UnknownNameError: there is no such robot, or no recipe for its gait.
+        UnknownNameError: there is no such robot.
+        InputError: it does not walk, or does not say how it steps.
     """
-    if arguments.robot not in PHASES:
-        raise UnknownNameError("robot to train", arguments.robot, PHASES)
     robot = get_robot(arguments.robot)
+    recipe(robot)
     out = arguments.out or Path("runs") / f"gait-{robot.name}"
-    train(robot, out, arguments.seed, arguments.threads, arguments.iterations)
+    train(robot, out, arguments)
     if arguments.publish:
         # Late, because it needs more than training does.
         from ..trials.evaluate import publish
 
-        publish(robot, out, POLICY_FOLDER)
+        publish(robot, out)
 
 
-def train(
-    robot: RobotSpec, out: Path, seed: int, threads: int, iterations: int | None = None
-) -> None:
+def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
     """Run all phases of the robot's training, going on from the last checkpoint in `out`."""
+    seed, iterations = arguments.seed, arguments.iterations
     # The networks are small: more torch threads cost more than they give.
     torch.set_num_threads(1)
     out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
     first = 0
-    for number, (phase, planned) in enumerate(PHASES[robot.name]):
+    for number, (phase, planned) in enumerate(recipe(robot).phases):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
-            progress = torch.load(checkpoint, weights_only=True)["infos"]
+            progress = torch.load(checkpoint, map_location="cpu", weights_only=True)["infos"]
             done, samples, wall_s = (progress[k] for k in ("iterations", "samples", "wall_s"))
         if done >= last:
             first = last
@@ -93,8 +95,9 @@ def train(
         rng = np.random.default_rng([seed, number, done])
         torch.manual_seed(seed + done)
         terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
-        env = GaitEnv(robot, phase, terrain, rng, threads)
-        runner = OnPolicyRunner(env, {**ppo_config(phase, seed), "multi_gpu": None})
+        env = GaitEnv(robot, phase, terrain, rng, arguments.threads)
+        settings = {**ppo_config(phase, seed), "multi_gpu": None}
+        runner = OnPolicyRunner(env, settings, device=arguments.device)
         if checkpoint.exists():
             runner.load(str(checkpoint))
         while done < last:
@@ -122,7 +125,7 @@ def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, A
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
         "seed": seed,
         **progress,
-        "phases": [{**asdict(p), "iterations": count} for p, count in PHASES[robot.name]],
+        "phases": [{**asdict(p), "iterations": count} for p, count in recipe(robot).phases],
         "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
     }
 

@@ -17,7 +17,7 @@ import tyro
 from ....formats.core.atomic import atomic_file
 from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
-from ..runtime.card import POLICY_FOLDER, save_card
+from ..runtime.card import save_card
 from ..runtime.policy import GaitPolicy, policy_files
 from ..runtime.sensors import State
 from .aim import calibrated
@@ -84,12 +84,17 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
 
 
 def publish(
-    robot: RobotSpec, source: Path, target: Path, scale: float = 1.0, state: State = "true"
+    robot: RobotSpec,
+    source: Path | None,
+    target: Path | None = None,
+    scale: float = 1.0,
+    state: State = "true",
 ) -> dict[str, Any]:
     """Calibrate and evaluate the policy in `source`; write it and its card to `target`.
 
-    A calibration that it has, as one that anticipates has its first gait's, is kept. The table of
-    an estimated state joins that of the true one, as its part `estimated`.
+    Without a folder, both are where the robot's gait is installed. A calibration that it has, as
+    one that anticipates has its first gait's, is kept. The table of an estimated state joins that
+    of the true one, as its part `estimated`.
 
     Returns:
         The evaluation table, see `evaluation_table` for `scale`.
@@ -121,7 +126,7 @@ def report(evaluation: dict[str, Any]) -> str:
 
 def main(
     robot: Annotated[str, tyro.conf.Positional],
-    policy: Path = POLICY_FOLDER,
+    policy: Path | None = None,
     scale: float = 1.0,
     seed: int = SEED,
     state: State = "true",
@@ -130,17 +135,17 @@ def main(
     """Measure a policy and print its evaluation table and its gates.
 
     Args:
-        robot: registry name.
+        robot: registry name, or the folder of a robot of one's own.
         policy: folder of `<robot>.safetensors` and `<robot>.json`; default the installed one.
         seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
         state: true, or estimated from the robot's sensors.
-        publish_it: install the policy, with its table, beside this file.
+        publish_it: install the policy, with its table.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if publish_it:
-        evaluation = publish(spec, policy, POLICY_FOLDER, scale, state)
+        evaluation = publish(spec, policy, None, scale, state)
     else:
         gait = GaitPolicy.load(spec, policy)
         gait = gait.estimating() if state == "estimated" else gait

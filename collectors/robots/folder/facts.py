@@ -10,7 +10,7 @@ from typing import Any
 from ....formats.core.camera import CameraModel
 from ....formats.core.errors import FileFormatError, brief, did_you_mean
 from ....formats.untrusted.documents import read_toml
-from ..parts import CommandLimits, FallThresholds, Foot, WheelDrive
+from ..parts import CommandLimits, FallThresholds, Foot, StepRhythm, WheelDrive
 
 FACTS_NAME = "robot.toml"
 MAX_FIELD = 120  # characters of a field's name in an error message
@@ -40,6 +40,7 @@ class FolderFacts:
     fall: FallThresholds
     command_limits: CommandLimits
     drive: WheelDrive | None
+    rhythm: StepRhythm | None
 
 
 def read_facts(path: Path) -> FolderFacts:
@@ -82,6 +83,7 @@ class _Table:
             fall=_fall(self.table("fall")),
             command_limits=_limits(self.table("command_limits")),
             drive=_drive(self.table("drive")) if self.get("drive") is not None else None,
+            rhythm=_rhythm(self.table("gait")) if self.get("gait") is not None else None,
         )
         self.refuse_unknown()
         return result
@@ -239,3 +241,18 @@ def _drive(table: _Table) -> WheelDrive:
         )
     table.refuse_unknown()
     return drive
+
+
+def _rhythm(table: _Table) -> StepRhythm:
+    offsets = table.get("foot_offsets")
+    if not (isinstance(offsets, list) and all(_is_number(v) and 0 <= v < 1 for v in offsets)):
+        raise table.error(
+            "foot_offsets", _complaint(offsets, "a phase from 0 to below 1 for each foot")
+        )
+    rhythm = StepRhythm(
+        frequency_hz=table.positive("frequency_hz"),
+        foot_offsets=tuple(float(value) for value in offsets),
+        swing_height_m=table.positive("swing_height_m", 0.06),
+    )
+    table.refuse_unknown()
+    return rhythm

@@ -23,6 +23,7 @@ from .safety import check_model, folder_files
 
 NETWORK_NAMES, CARD_NAME = ("policy.safetensors", "policy.onnx"), "policy.json"
 SPAWN_GAP_M = 0.001
+ACTION_SCALE_RAD = 0.5
 
 
 def load_robot_folder(folder: Path) -> RobotSpec:
@@ -58,7 +59,7 @@ def load_robot_folder(folder: Path) -> RobotSpec:
         mass_kg=round(float(model.body_subtreemass[0]), 9),
         joints=joints,
         policy_joints=policy_joints,
-        action_scale_rad=facts.action_scale_rad or 0.0,
+        action_scale_rad=(facts.action_scale_rad or ACTION_SCALE_RAD) if walks else 0.0,
         root_body=root.name,
         root_joint=root.joints[0].name,
         feet=facts.feet,
@@ -71,6 +72,7 @@ def load_robot_folder(folder: Path) -> RobotSpec:
         sources=facts.sources,
         build=build,
         drive=facts.drive,
+        rhythm=facts.rhythm,
         folder=folder,
         content_sha256=folder_digest(folder),
     )
@@ -83,30 +85,30 @@ def _build(robot: RobotSpec, folder: Path, feet: tuple[Foot, ...]) -> mujoco.MjS
 
 
 def _check_mover(folder: Path, facts: FolderFacts) -> None:
-    """Check that a robot with joints has either wheels or a policy, and can move forward.
+    """Check that a robot with joints has wheels or legs, and can move forward.
+
+    A robot that walks need not have a gait yet.
 
     Raises:
-        FileFormatError: it has both or neither, or lacks what belongs to it.
+        FileFormatError: it has both wheels and a gait, or half a gait.
     """
     path = folder / FACTS_NAME
     policy = [name for name in (*NETWORK_NAMES, CARD_NAME) if (folder / name).is_file()]
-    if facts.drive is not None:
-        if policy:
-            raise FileFormatError(
-                path, f"has [drive], but the folder also has {policy[0]}; valid: one of them"
-            )
-    elif facts.joints:
-        if len(policy) != 2 or CARD_NAME not in policy:
-            raise FileFormatError(
-                folder,
-                f"{' and '.join(policy) or 'nothing'} to drive this robot's joints; valid: "
-                f"{' or '.join(NETWORK_NAMES)}, and {CARD_NAME}, for one that walks, [drive] in "
-                f"{FACTS_NAME} for one on wheels",
-            )
-        if facts.action_scale_rad is None:
-            raise FileFormatError(
-                path, "action_scale_rad is missing; valid: the policy's, e.g. 0.5"
-            )
+    if facts.drive is not None and (policy or facts.rhythm):
+        other = policy[0] if policy else "[gait]"
+        raise FileFormatError(path, f"has [drive] and {other}; valid: one of them")
+    if facts.drive is None and policy and (len(policy) != 2 or CARD_NAME not in policy):
+        raise FileFormatError(
+            folder,
+            f"{' and '.join(policy)} to drive this robot's joints; valid: "
+            f"{' or '.join(NETWORK_NAMES)}, and {CARD_NAME}",
+        )
+    if facts.rhythm is not None and len(facts.rhythm.foot_offsets) != len(facts.feet):
+        raise FileFormatError(
+            path,
+            f"gait.foot_offsets has {len(facts.rhythm.foot_offsets)} phases; valid: one for each "
+            f"of the {len(facts.feet)} feet",
+        )
     if facts.joints and facts.command_limits.vx_m_s[1] <= 0:
         raise FileFormatError(path, "command_limits.vx_m_s must reach above 0; valid: [-0.3, 1.0]")
 

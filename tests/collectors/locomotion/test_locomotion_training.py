@@ -18,6 +18,7 @@ from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout
 from vlnpe.collectors.locomotion.training import train
 from vlnpe.collectors.locomotion.training.config import PHASES, TrainingConfig
+from vlnpe.collectors.locomotion.training.derived import derived_gait
 from vlnpe.collectors.locomotion.training.env import GaitEnv
 from vlnpe.collectors.locomotion.training.export import encode_actor
 from vlnpe.collectors.locomotion.training.gaits import GAITS
@@ -28,14 +29,25 @@ from vlnpe.collectors.locomotion.training.mirror import (
     mirrored,
 )
 from vlnpe.collectors.locomotion.training.randomize import sample_commands
+from vlnpe.collectors.locomotion.training.recipes import recipe
+from vlnpe.collectors.locomotion.trials import evaluate
 from vlnpe.collectors.locomotion.trials.aim import command_bounds
 from vlnpe.collectors.locomotion.trials.terrain import Terrain, noise_terrain, rough_terrain
+from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial
 from vlnpe.collectors.robots import RobotSpec, get_robot
+from vlnpe.collectors.robots.folder.export import export_robot
+from vlnpe.collectors.robots.parts import StepRhythm
+from vlnpe.formats.core.errors import FileFormatError, InputError
 
 
 def tiny(robot: RobotSpec, terrain: str = "flat") -> TrainingConfig:
     """The robot's first phase of training with eight simulations."""
     return replace(PHASES[robot.name][0][0], envs=8, steps=6, terrain=terrain)
+
+
+def planned(monkeypatch, robot: RobotSpec, *phases: tuple[TrainingConfig, int]) -> None:
+    """Let the robot be trained in these phases."""
+    monkeypatch.setattr(train, "recipe", lambda _: replace(recipe(robot), phases=phases))
 
 
 @pytest.fixture(params=["aliengo", "h1", "g1"])
@@ -44,13 +56,13 @@ def robot(request):
 
 
 def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeypatch):
-    monkeypatch.setattr(train, "PHASES", {robot.name: ((tiny(robot), 2),)})
-    train.train(robot, tmp_path, seed=0, threads=1)
+    arguments = train.Arguments(robot.name, threads=1)
+    planned(monkeypatch, robot, (tiny(robot), 2))
+    train.train(robot, tmp_path, arguments)
     first = (tmp_path / f"{robot.name}.safetensors").read_bytes()
     assert GaitPolicy.load(robot, tmp_path).card.training["iterations"] == 2
-    phases = (tiny(robot), 2), (tiny(robot, "rough"), 1)
-    monkeypatch.setattr(train, "PHASES", {robot.name: phases})
-    train.train(robot, tmp_path, seed=0, threads=1)
+    planned(monkeypatch, robot, (tiny(robot), 2), (tiny(robot, "rough"), 1))
+    train.train(robot, tmp_path, arguments)
     card = GaitPolicy.load(robot, tmp_path).card
     assert card.training["iterations"] == 3
     assert card.training["samples"] == 3 * 8 * 6
@@ -59,7 +71,7 @@ def test_tiny_training_writes_resumes_and_exports(robot, tmp_path: Path, monkeyp
         assert [int(row["iteration"]) for row in csv.DictReader(file)] == [2, 3]
     # Nothing is left to do: a third call changes nothing.
     before = (tmp_path / "checkpoint.pt").stat().st_mtime_ns
-    train.train(robot, tmp_path, seed=0, threads=1)
+    train.train(robot, tmp_path, arguments)
     assert (tmp_path / "checkpoint.pt").stat().st_mtime_ns == before
 
 
@@ -114,12 +126,12 @@ def test_exported_with_its_mirror_image_it_is_symmetric(robot):
 
 
 def test_the_command_of_make_train_gait(tmp_path: Path, monkeypatch, capsys):
-    monkeypatch.setattr(train, "PHASES", {"h1": ((tiny(get_robot("h1")), 1),)})
+    planned(monkeypatch, get_robot("h1"), (tiny(get_robot("h1")), 1))
     monkeypatch.setattr("sys.argv", ["train", "h1", "--out", str(tmp_path), "--threads", "1"])
     train.main()
     assert (tmp_path / "h1.safetensors").is_file()
     monkeypatch.setattr("sys.argv", ["train", "jetbot", "--out", str(tmp_path)])
-    with pytest.raises(SystemExit, match=r"jetbot.*h1"):
+    with pytest.raises(SystemExit, match=r"jetbot has 0 joints for a policy.*valid for training"):
         train.main()
 
 
@@ -220,3 +232,88 @@ def test_terrain_lookup_matches_the_compiled_height_field(robot):
         down = mujoco.mj_ray(model, data, [x, y, 1.0], [0, 0, -1.0], None, 1, -1, hit)
         assert 1.0 - down == pytest.approx(float(ground.at(np.array([x, y]))), abs=0.02)
     assert ground.height_m.max() == pytest.approx(0.06)
+
+
+@pytest.mark.parametrize("name", ["aliengo", "h1", "g1"])
+def test_a_gait_that_is_derived_from_the_model_is_close_to_the_one_made_by_hand(name: str):
+    robot, made = get_robot(name), GAITS[name]
+    rhythm = StepRhythm(
+        frequency_hz=made.frequency_hz, foot_offsets=made.foot_offsets, swing_height_m=0.08
+    )
+    gait = derived_gait(replace(robot, rhythm=rhythm))
+    legs = slice(robot.policy_joints)
+    for motion in ("swing_rad", "forward_rad", "left_rad", "turn_rad"):
+        ours = np.array(getattr(gait, motion) or np.zeros(1))[..., legs]
+        hand = np.array(getattr(made, motion) or np.zeros(1))[..., legs]
+        assert np.abs(ours - hand).max() < 0.32, motion
+        assert np.sum(ours * hand) >= 0.7 * np.sum(hand**2), motion
+    np.testing.assert_allclose(gait.foot_xy_m, made.foot_xy_m, atol=0.11)
+
+
+@pytest.fixture
+def own_dog(tmp_path: Path) -> Path:
+    """The Aliengo as a folder without a gait, with a rhythm, under other joint names."""
+    dog = tmp_path / "dog"
+    export_robot(get_robot("aliengo"), dog, None)
+    for path in (dog / "robot.toml", dog / "model.xml"):
+        text = path.read_text()
+        for leg, other in {"FL": "a", "FR": "b", "RL": "c", "RR": "d"}.items():
+            text = text.replace(f"{leg}_", f"{other}_")
+        path.write_text(text)
+    facts = dog / "robot.toml"
+    facts.write_text(facts.read_text() + RHYTHM)
+    return dog
+
+
+RHYTHM = "\n[gait]\nfrequency_hz = 2.0\nfoot_offsets = [0, 0.5, 0.5, 0]\n"
+
+
+def test_a_robot_of_ones_own_is_trained_and_walks(own_dog: Path, monkeypatch, capsys):
+    robot = get_robot(str(own_dog))
+    with pytest.raises(FileFormatError, match=r"policy\.json.*make train-gait"):
+        GaitPolicy.load(robot)
+    phase = replace(recipe(robot).phases[0][0], envs=8, steps=6)
+    planned(monkeypatch, robot, (phase, 1))
+    out = own_dog.parent / "out"
+    monkeypatch.setattr(evaluate, "evaluation_table", lambda policy, scale: {})
+    monkeypatch.setattr(evaluate, "calibrated", lambda policy: policy)
+    arguments = ["train", str(own_dog), "--out", str(out), "--threads", "1", "--publish"]
+    monkeypatch.setattr("sys.argv", arguments)
+    train.main()
+    trained = GaitPolicy.load(get_robot(str(own_dog)))
+    assert trained.card.robot == "dog" and trained.card.gait.frequency_hz == 2.0
+    # Hardly trained, it walks by its reference alone: forward, and without falling.
+    trial = Trial(trained, Conditions(), np.zeros((4, 2)), np.zeros(4), np.random.default_rng(0))
+    for _ in range(150):
+        trial.step(np.tile([0.4, 0.0, 0.0], (4, 1)))
+    assert not trial.fallen.any()
+    assert trial.position_m[:, 0].min() > 0.6
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (RHYTHM, "", r"does not say how it steps; valid: a table \[gait\]"),
+        ("[0, 0.5, 0.5, 0]", "[0, 0.5]", r"foot_offsets has 2 phases; valid: .*4 feet"),
+        ("[0, 0.5, 0.5, 0]", "[0, 0.5, 0.5, 1]", r"gait.foot_offsets .*valid: a phase from 0"),
+        ("frequency_hz = 2.0", "frequency_hz = 0", r"gait.frequency_hz is 0"),
+        ("frequency_hz", "speed_hz", r"frequency_hz is missing"),
+    ],
+)
+def test_what_is_wrong_with_a_rhythm_is_said(
+    own_dog: Path, old: str, new: str, message: str, monkeypatch
+):
+    facts = own_dog / "robot.toml"
+    assert old in facts.read_text()
+    facts.write_text(facts.read_text().replace(old, new))
+    monkeypatch.setattr("sys.argv", ["train", str(own_dog)])
+    with pytest.raises(SystemExit, match=message):
+        train.main()
+
+
+def test_a_robot_without_symmetry_is_refused(own_dog: Path):
+    model = own_dog / "model.xml"
+    text = model.read_text()
+    model.write_text(text.replace('name="a_hip" pos="0.2399', 'name="a_hip" pos="0.2799', 1))
+    with pytest.raises(InputError, match=r"a_hip_joint has no mirror image"):
+        mirror_joints(get_robot(str(own_dog)))

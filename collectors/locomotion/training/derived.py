@@ -1,0 +1,199 @@
+"""The gait of a user's own robot, derived from its model and its rhythm alone.
+
+A reference motion needs, for each foot, the joint offsets that lift it and those that carry it
+along under the body. Both follow from the legs' kinematics; what holds the weight follows from
+statics and the servos' stiffness.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....formats.core.arrays import Array
+from ....formats.core.errors import InputError
+from ...robots import RobotHandles, RobotSpec
+from ..runtime.gait import RATE_HZ, GaitClock
+
+G_M_S2 = 9.81
+LIFT = 1.2  # the reference lifts a foot by this much more than it shall rise, because servos lag
+TURN_M = 0.2  # a foot's turn by 1 rad counts as much as a displacement by this
+ROUNDS, DAMPING = 20, 1e-4
+# Legs of more joints than this can hold their soles level.
+POINT_LEG = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A foot: the body that it is part of, and the joints between it and the base.
+
+    Attributes:
+        columns: indices of its joints among the robot's.
+        place_m: (3,) middle of its soles' lowest points in the default pose, world frame.
+    """
+
+    body: int
+    columns: NDArray[np.intp]
+    place_m: Array
+
+
+class Stance:
+    """A robot in its default pose, its base held fixed at the origin."""
+
+    def __init__(self, robot: RobotSpec) -> None:
+        """Build the model.
+
+        Raises:
+            InputError: a foot is not moved by any joint.
+        """
+        self.robot = robot
+        self.model = robot.build_model(floor=False)
+        self.data = mujoco.MjData(self.model)
+        self.handles = RobotHandles.find(robot, self.model)
+        self._reset()
+        self.legs = [self._leg(foot) for foot in range(len(robot.feet))]
+        self.kp = np.array([joint.kp for joint in robot.joints])
+
+    def _reset(self) -> None:
+        self.handles.spawn(self.data)
+        mujoco.mj_forward(self.model, self.data)
+
+    def _leg(self, foot: int) -> Leg:
+        soles = self.handles.sole_geoms[foot]
+        place = self.data.geom_xpos[soles].mean(axis=0)
+        place[2] -= self.handles.sole_radius_m[foot].mean()
+        body = over = int(self.model.geom_bodyid[soles[0]])
+        chain = set()
+        while over:
+            chain.add(over)
+            over = int(self.model.body_parentid[over])
+        owners = self.model.dof_bodyid[self.handles.joint_dof[: self.robot.policy_joints]]
+        columns = np.flatnonzero([owner in chain for owner in owners])
+        if not len(columns):
+            name = self.robot.feet[foot].name
+            raise InputError(f"robot {self.robot.name}: no joint of the policy moves foot {name}")
+        return Leg(body, columns, place)
+
+    def jacobian(self, leg: Leg) -> Array:
+        """Return (6, J) how all joints move and turn a foot, in the pose at hand."""
+        move, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
+        mujoco.mj_jac(self.model, self.data, move, turn, leg.place_m, leg.body)
+        return np.vstack([move, turn])[:, self.handles.joint_dof]
+
+    def reach(self, leg: Leg, shift_m: Array, yaw_rad: float = 0.0) -> Array:
+        """Return offsets (J,) of a leg's joints [rad] that shift and turn its foot (Newton steps).
+
+        A leg of three joints or fewer does not mind how its foot is turned.
+        """
+        data, joints = self.data, self.handles.joint_qpos[leg.columns]
+        local = self._local(leg.body, leg.place_m)
+        start = data.xquat[leg.body].copy()
+        spin = np.zeros(4)
+        mujoco.mju_axisAngle2Quat(spin, np.array([0.0, 0.0, 1.0]), yaw_rad)
+        goal = np.zeros(4)
+        mujoco.mju_mulQuat(goal, spin, start)
+        for _ in range(ROUNDS):
+            now = data.xpos[leg.body] + data.xmat[leg.body].reshape(3, 3) @ local
+            back, away, turn = np.zeros(4), np.zeros(4), np.zeros(3)
+            mujoco.mju_negQuat(back, data.xquat[leg.body])
+            mujoco.mju_mulQuat(away, goal, back)
+            mujoco.mju_quat2Vel(turn, away, 1.0)
+            jacobian = self.jacobian(Leg(leg.body, leg.columns, now))[:, leg.columns]
+            error = np.concatenate([leg.place_m + shift_m - now, TURN_M * turn])
+            jacobian[3:] *= TURN_M
+            if len(leg.columns) <= POINT_LEG:
+                jacobian, error = jacobian[:3], error[:3]
+            square = jacobian.T @ jacobian + DAMPING * np.eye(len(leg.columns))
+            data.qpos[joints] += np.linalg.solve(square, jacobian.T @ error)
+            mujoco.mj_kinematics(self.model, data)
+            mujoco.mj_comPos(self.model, data)
+        offsets = np.zeros(len(self.kp))
+        offsets[leg.columns] = data.qpos[joints] - self.robot.default_joint_rad[leg.columns]
+        self._reset()
+        return offsets
+
+    def slope(self, leg: Leg, motion: Array) -> Array:
+        """Return offsets (J,) [rad] per unit of a foot's motion (4,): x, y, z [m] and yaw [rad].
+
+        They are taken from half the motion to either side.
+        """
+        both = [self.reach(leg, sign * motion[:3], sign * motion[3]) for sign in (0.5, -0.5)]
+        return both[0] - both[1]
+
+    def _local(self, body: int, place_m: Array) -> Array:
+        return self.data.xmat[body].reshape(3, 3).T @ (place_m - self.data.xpos[body])
+
+    def sag(self, loads_n: Array) -> Array:
+        """Return offsets (J,) [rad] by which the servos must aim higher to bear feet's loads (F,)."""
+        torque = self.data.qfrc_bias[self.handles.joint_dof].copy()
+        for leg, load in zip(self.legs, loads_n, strict=True):
+            torque += self.push(leg) * load
+        return torque / self.kp
+
+    def push(self, leg: Leg) -> Array:
+        """Return joint torques (J,) [Nm] with which a foot presses down with 1 N.
+
+        A long sole presses where the centre of mass is above it.
+        """
+        soles = self.data.geom_xpos[self.handles.sole_geoms[self.legs.index(leg)], 0]
+        center = float(self.data.subtree_com[self.handles.root_body, 0])
+        place = leg.place_m.copy()
+        place[0] = min(max(center, soles.min()), soles.max())
+        return -self.jacobian(Leg(leg.body, leg.columns, place))[2]
+
+    def loads_n(self) -> Array:
+        """Return the feet's loads (F,) [N] that balance the standing robot, as even as possible."""
+        place = np.array([leg.place_m for leg in self.legs])
+        center = self.data.subtree_com[self.handles.root_body]
+        rows = np.vstack([np.ones(len(place)), place[:, 0], place[:, 1]])
+        weight = self.robot.mass_kg * G_M_S2
+        loads, *_ = np.linalg.lstsq(rows, weight * np.array([1.0, *center[:2]]), rcond=None)
+        return np.maximum(loads, 0.0)
+
+
+def derived_gait(robot: RobotSpec) -> GaitClock:
+    """Return the gait clock and reference motion of a robot with a `rhythm`.
+
+    Raises:
+        InputError: the robot has no rhythm, or a foot that no joint moves.
+    """
+    rhythm = robot.rhythm
+    if rhythm is None:
+        raise InputError(
+            f"robot {robot.name} does not say how it steps; valid: a table [gait] in robot.toml "
+            "with frequency_hz and foot_offsets"
+        )
+    stance = Stance(robot)
+    loads, legs = stance.loads_n(), stance.legs
+    up = np.array([0.0, 0.0, LIFT * rhythm.swing_height_m])
+    # A foot on the ground for half a cycle is carried by v / (4 f) to either side, and at the
+    # start of its swing it is as far behind.
+    back = -0.25 / rhythm.frequency_hz
+    x, y, yaw = np.eye(4)[[0, 1, 3]] * back
+    quadruped = len(legs) > 2
+    lag_s = np.mean([joint.kd / joint.kp for joint in robot.joints[: robot.policy_joints]])
+    turns = [stance.slope(leg, yaw) for leg in legs if len(leg.columns) > POINT_LEG]
+    return GaitClock(
+        frequency_hz=rhythm.frequency_hz,
+        foot_offsets=rhythm.foot_offsets,
+        stand_rad=_row(stance.sag(loads)),
+        swing_rad=tuple(_row(stance.reach(leg, up)) for leg in legs),
+        # In the middle of a step, half of the feet bear everything.
+        stance_rad=tuple(
+            _row(stance.push(leg) * load / stance.kp) for leg, load in zip(legs, loads, strict=True)
+        ),
+        forward_rad=tuple(_row(stance.slope(leg, x)) for leg in legs),
+        left_rad=tuple(_row(stance.slope(leg, y)) for leg in legs),
+        foot_xy_m=tuple((float(leg.place_m[0]), float(leg.place_m[1])) for leg in legs),
+        turn_rad=tuple(_row(turn) for turn in turns) if len(turns) == len(legs) else (),
+        lead_cycles=float(rhythm.frequency_hz * (lag_s + 1.0 / RATE_HZ)),
+        turn_lead_s=0.0 if quadruped else 0.15,
+        brake_m_s2=4.0 if quadruped else 3.0,
+        brake_rad_s2=6.0 if quadruped else 4.0,
+        last_steps=1 if quadruped else 2,
+    )
+
+
+def _row(values: Array) -> tuple[float, ...]:
+    return tuple(round(float(value), 4) for value in values)
