@@ -26,8 +26,8 @@ def get_robot(name: str) -> RobotSpec:
     """Return the robot called `name`.
 
     Args:
-        name: key of `ROBOTS` or `FOLDERS`, `jetbot@2.5` for another size, or the path of a folder with a
-            user's own robot.
+        name: key of `ROBOTS` or `FOLDERS`, `jetbot@2.5` for another size, or the path of a folder
+            with a user's own robot.
 
     Raises:
         UnknownNameError: no such robot; the message lists the valid names.

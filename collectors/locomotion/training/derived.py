@@ -125,7 +125,7 @@ class Stance:
         return self.data.xmat[body].reshape(3, 3).T @ (place_m - self.data.xpos[body])
 
     def sag(self, loads_n: Array) -> Array:
-        """Return offsets (J,) [rad] by which the servos must aim higher to bear feet's loads (F,)."""
+        """Return how much higher (J,) [rad] servos must aim to bear the feet's loads (F,) [N]."""
         torque = self.data.qfrc_bias[self.handles.joint_dof].copy()
         for leg, load in zip(self.legs, loads_n, strict=True):
             torque += self.push(leg) * load

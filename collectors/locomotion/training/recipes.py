@@ -1,4 +1,4 @@
-"""How a robot's gait is trained: its clock and its phases, from our tables or from its own folder."""
+"""How a robot's gait is trained: its clock and its phases, from tables or from its own folder."""
 
 from dataclasses import dataclass, replace
 from functools import cache
