@@ -70,7 +70,7 @@ evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots 
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 
-train-gait:  ## Train a locomotion policy: make train-gait ROBOT=aliengo [OUT=folder]
+train-gait:  ## Train a gait, also of a robot of your own: make train-gait ROBOT=mydog [OUT=folder]
 	@$(SETUP) full
 	@$(BIN)/python -m vlnpe.collectors.locomotion.training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
 

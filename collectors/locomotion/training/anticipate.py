@@ -216,15 +216,16 @@ def main(
     """Teach a robot's gait to act ahead of a delay.
 
     Args:
-        robot: registry name.
+        robot: registry name, or the folder of a robot of one's own.
         out: folder of checkpoint and gait; default `runs/late-<robot>`.
         start: folder of the gait to begin with; default that of its training, `runs/gait-<robot>`.
         rounds: of walking and learning.
         seed: random seed.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
-    start, out = start or Path("runs") / f"gait-{robot}", out or Path("runs") / f"late-{robot}"
-    anticipate(get_robot(robot), start, out, rounds, seed)
+    spec = get_robot(robot)
+    start = start or Path("runs") / f"gait-{spec.name}"
+    anticipate(spec, start, out or Path("runs") / f"late-{spec.name}", rounds, seed)
 
 
 if __name__ == "__main__":

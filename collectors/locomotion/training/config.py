@@ -25,7 +25,6 @@ class RewardWeights:
     swing_height: float = -60.0
     foot_slip: float = -0.6
     sideways: float = -0.4
-    sway: float = 0.0
     stand_pose: float = -1.0
     stand_joint_velocity: float = -0.02
     joint_limit: float = -5.0

@@ -89,7 +89,6 @@ def reward_terms(s: StepFacts, body: BodyFacts, config: TrainingConfig) -> dict[
         + config.high_swing * np.sum(np.maximum(s.foot_height_m - arc, 0.0) ** 2, axis=1),
         "foot_slip": np.sum(np.minimum(s.foot_speed_m_s, 1.0) ** 2 * s.foot_contact, axis=1),
         "sideways": np.sum((s.joint_rad - body.default_joint_rad)[:, body.sideways] ** 2, axis=1),
-        "sway": (s.linear_velocity[:, 1] - s.command[:, 1]) ** 2,
         "stand_pose": np.sum(np.abs(s.joint_rad - body.stand_joint_rad), axis=1) * still,
         "stand_joint_velocity": np.sum(s.joint_rad_s**2, axis=1) * still,
         "joint_limit": np.sum(beyond, axis=1),
