@@ -48,9 +48,8 @@ def get_robot(name: str) -> RobotSpec:
     if not folder.is_dir():
         raise UnknownNameError("robot", name, valid_names())
     robot = load_robot_folder(folder)
-    ours = FOLDERS.get(robot.name)
-    taken = robot.name in ROBOTS or robot.name in RESERVED
-    if taken or (ours is not None and not ours.samefile(folder)):
+    # A run keeps a copy of a robot that is a folder: `FOLDERS` are not reserved.
+    if robot.name in ROBOTS or robot.name in RESERVED:
         raise FileFormatError(
             folder / FACTS_NAME, f"name is {robot.name!r}, which is reserved; choose another"
         )
