@@ -26,6 +26,7 @@ _VERBS = {
     "pass": {"pass", "see"},
 }
 _TWICE = ("twice", "two", "double")
+_BEFORE_NOUN = ("a", "the", "your", "its", "far", "other", "very", "to", "without", "dead")
 _OTHER_ORDER = ("before", "after", "UNTIL", "from", "behind")  # words that turn the order around
 
 
@@ -86,16 +87,28 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
         elif kind and not (doors if kind == "door" else any(_covers(n, word) for n in names)):
             if read_phrase(tokens, k) or kind != "door":
                 problems.append(f"no claim is about the {word}")
-        elif verb in _VERBS and not kinds & _VERBS[verb] and not _noun_before(tokens, k):
+        elif verb in _VERBS and not kinds & _accounts(tokens, k) and not _noun_before(tokens, k):
             problems.append(f"no claim says {word}")
-        elif not is_known(word):
+        elif not is_known(word) and not verb_at(tokens, k):
             problems.append(f"{word} is in no table")
     return problems
 
 
+def _accounts(tokens: Sequence[Token], k: int) -> set[str]:
+    """Return the kinds of claims that account for the verb at token `k`."""
+    verb, after = VERB_OF[tokens[k].text], read_phrase(tokens, k + 1)
+    if verb == "leave" and after and after[0].what == "thing":  # "leaving the plant on your left"
+        return _VERBS["pass"]
+    standing = tokens[k].text == "stand" and k and tokens[k - 1].text == "you"
+    return _VERBS[verb] | ({"in", "see"} if standing else set())
+
+
 def _unsaid(step: Step, nouns: Sequence[str]) -> list[str]:
-    """Return what claims say and no word does; `nouns` may be meant."""
-    names = dict.fromkeys(n for c in step.claims for n in (c.name, c.room) if n)
+    """Return what claims say and no word does; `nouns` may be meant.
+
+    Which room is left or holds a thing need not be said: the facts are asked.
+    """
+    names = dict.fromkeys(c.name for c in step.claims if c.name and c.kind != "leave")
     return [f"no word says {n}" for n in names if not any(_covers(n, word) for word in nouns)]
 
 
@@ -137,7 +150,8 @@ def _ends(own: Claim, read: Claim) -> bool:
     "In the kitchen by the fridge" may enter the room, "with the bed on your right" see the bed.
     """
     kinds = {"room": ("stop", "enter", "in")}.get(read.what, ("stop", "see" if read.side else ""))
-    return own.kind in kinds and _covers(own.name, read.name)
+    names = {own.name, own.room if read.what == "room" else ""} - {""}
+    return own.kind in kinds and any(_covers(name, read.name) for name in names)
 
 
 def _after(tokens: Sequence[Token], k: int) -> str:
@@ -145,7 +159,7 @@ def _after(tokens: Sequence[Token], k: int) -> str:
 
 
 def _noun_before(tokens: Sequence[Token], k: int) -> bool:
-    return k > 0 and tokens[k - 1].text in ("a", "the", "your", "to", "without", "dead")
+    return k > 0 and tokens[k - 1].text in _BEFORE_NOUN
 
 
 def _vague(tokens: Sequence[Token], k: int) -> bool:

@@ -26,14 +26,18 @@ class Ground(Things):
         """Return where a room is left."""
         return self._crossed(claim, lambda p: p.from_room, (), "is not left")
 
-    def through_door(self, claim: Claim) -> Place:
-        """Return where the path goes through a doorway with the side, room and number said."""
+    def through_door(self, claim: Claim, passed: int = 0) -> Place:
+        """Return where the path goes through a doorway with the side, room and number said.
+
+        Args:
+            passed: how many doorways of the room the text has passed, with which it may count.
+        """
         names = room_names(claim.room)
         mask = np.zeros(len(self.along_m), dtype=bool)
         rooms = [p for p in self.facts.passages if not names or names & {p.from_room, p.to_room}]
         if claim.room and not rooms and not names & set(self.facts.goal_rooms):
             return mask, f"the path does not go through the door of the {claim.room}"
-        sided = [p for p in rooms if claim.side not in ("left", "right")
+        sided = [p for p in rooms if claim.side not in ("left", "right", "behind")
                  or self.door_side(p, claim.side)]  # fmt: skip
         ends = self.facts.goal_rooms and (not names or names & set(self.facts.goal_rooms))
         if not sided and not ends and (rooms or claim.side):
@@ -46,7 +50,8 @@ class Ground(Things):
         if ends:
             mask |= self.between(self.length_m - 1.0, self.length_m)
         if claim.ordinal and mask.any():
-            counted = [p for p in sided if claim.ordinal in self._door_numbers(p, claim.side)]
+            numbers = {claim.ordinal, claim.ordinal + passed}
+            counted = [p for p in sided if numbers & self._door_numbers(p, claim.side)]
             if not counted:
                 return mask & False, f"that is not doorway number {claim.ordinal}"
             mask = np.any([self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
@@ -61,8 +66,7 @@ class Ground(Things):
         visit = self.facts.visits[self.facts.passages.index(passage)]
         row = [n for n in self.meant(Claim("door", "door")) if self.near_m[n].min() <= BESIDE_M]
         if side in ("left", "right"):
-            on_side = self.sided(row, side) & (self.near_m[row] <= BESIDE_M)
-            row = [n for n, here in zip(row, on_side, strict=True) if here.any()]
+            row = [n for n in row if self.facts.landmarks[n].side == side]
         along = [self.facts.landmarks[n].along_m for n in row]
         numbers = {passage.ordinal} - {0}
         for first_m in (visit.from_m - 0.3, visit.from_m + 0.5)[bool(side) :]:
@@ -205,6 +209,9 @@ class Ground(Things):
 
     def door_side(self, passage: PassageFact, side: str) -> bool:
         """Return whether a doorway that is walked through may be said to be on a side."""
+        if side == "behind":  # where the walk begins
+            turned = any(abs(t.angle_deg) >= 90.0 for t in self.facts.turns if t.along_m < 1.0)
+            return turned and passage is self.facts.passages[0]
         sign = 1 if side == "left" else -1
         aside = abs(passage.bearing_deg) > 18.0
         into = [t for t in self.facts.turns if abs(t.angle_deg) >= 45.0

@@ -58,6 +58,7 @@ class _Walk:
         start[0] = True
         self.states: States = {0: start}
         self.tight: States | None = None  # after a distance: where it led
+        self.paced = -1  # the step that says the distance
         self.last: list[Mask] = []  # where the last place that is named may be
         self.index = 0
         self.done_m: list[float] = []  # how far along each claim is done
@@ -78,11 +79,11 @@ class _Walk:
                 reason = self._avoid(claim)
             else:
                 reason = self._place(claim)
-                if claim.kind == "pass" and claim.what == "thing" and not reason + claim.place:
-                    at_m = self.ground.abeam_m(claim)
-                    if at_m is not None and at_m < passed_m - _ORDER_M:
-                        reason = f"the {claim.name} is passed earlier"
-                    passed_m = max(passed_m, at_m or passed_m)
+                if claim.kind == "pass" and claim.what != "room" and not reason + claim.place:
+                    first_m, last_m = self.ground.abeam_m(claim) or (passed_m, np.inf)
+                    if last_m < passed_m - _ORDER_M:
+                        reason = f"the {claim.text or 'doorway'} is passed earlier"
+                    passed_m = max(passed_m, first_m)
             if reason:
                 problems.append(Problem(index, reason))
             self.done_m.append(min(self._middle_m(mask) for mask in self.states.values()))
@@ -110,13 +111,20 @@ class _Walk:
                 "door": ground.entered,
             }[claim.kind](claim)  # fmt: skip
         if claim.kind in ("door", "enter", "leave", "in"):
-            return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
+            passed = 0
+            for before in reversed(self.claims[: self.index]):  # doors of the same room
+                if before.kind in ("leave", "enter", "door"):
+                    break
+                passed += before.kind == "pass" and before.what == "door"
+            return (
+                ground.through_door(claim, passed) if claim.what == "door" else ground.left(claim)
+            )
         # Who has gone through a door does not mean what is on this side of it.
         before = self.claims[self.index - 1]
         through = before.kind in ("leave", "enter", "door")
         apart = self.index and self.owners[self.index - 1] != self.owners[self.index]
         first_m = min(float(self.along[np.argmax(here)]) for here in self.states.values())
-        beyond_m = 0.9 * (apart and through) + 0.4 * (before.kind == "turn")
+        beyond_m = 0.9 * (apart and through) + 0.8 * (before.kind == "turn")
         since = int(np.searchsorted(self.along, first_m + beyond_m - 0.1))
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
             claim, since
@@ -164,8 +172,9 @@ class _Walk:
             near = {k: spread(m, self.along, 0.3) for k, m in self.tight.items()}
             onward = {k: m for k, m in near.items() if (m & ~spread(~mask, self.along, 0.4)).any()}
             # "Walk nine metres, out of the room and down the hall."
-            if not onward and all(not (m & (self.along > self.along[mask][-1])).any()
-                                  for m in near.values()):  # fmt: skip
+            if not onward and (owner != self.paced or all(
+                not (m & (self.along > self.along[mask][-1])).any() for m in near.values()
+            )):  # fmt: skip
                 return f"the {claim.text or 'doorway'} is farther than the distance before it"
             states = onward or states
             self.tight = None
@@ -229,7 +238,7 @@ class _Walk:
                 result[made] = far
         if not result:
             return f"the path does not go on for {d:g} metres"
-        self.tight = result
+        self.tight, self.paced = result, self.owners[self.index]
         return ""
 
     def _avoid(self, claim: Claim) -> str:

@@ -117,18 +117,18 @@ class Things:
         view = self.seen[rows] & (self.distance[rows] <= SEE_M)
         return np.asarray((view & (np.abs(self.bearing[rows]) <= 125.0)).any(axis=0))
 
-    def abeam_m(self, claim: Claim) -> float | None:
-        """Return where a thing is passed [m]; None if several may be meant."""
-        near = sorted(self.meant(claim), key=lambda n: self.near_m[n].min())
-        least = [self.near_m[n].min() for n in near[:2]]
-        if (
-            not near
-            or not 0.1 < least[0] <= PASS_M
-            or least[-1] < least[0] + _CLEARLY_M * (len(least) > 1)
-        ):  # none, a rug that is walked over, or one of several
+    def abeam_m(self, claim: Claim) -> tuple[float, float] | None:
+        """Return the first and last place [m] where what may be meant is passed, None if unclear."""
+        chosen = [n for n in self.meant(claim) if self.near_m[n].min() <= PASS_M]
+        if claim.side in ("left", "right"):
+            chosen = [n for n in chosen if self.facts.landmarks[n].side in ("", claim.side)]
+        least = min((self.near_m[n].min() for n in chosen), default=0.0)
+        if least <= 0.1:  # none, a rug that is walked over, or a door that is gone through
             return None
-        across = np.abs(np.abs(self.facing[near[0]]) - 90.0) / 15.0 + self.near_m[near[0]]
-        return float(self.along_m[np.argmin(across)])
+        chosen = [n for n in chosen if self.near_m[n].min() < least + _CLEARLY_M]
+        across = np.abs(np.abs(self.facing[chosen]) - 90.0) / 15.0 + self.near_m[chosen]
+        places = self.along_m[np.argmin(across, axis=1)]
+        return float(places.min()), float(places.max())
 
     def met_before_end(self, claim: Claim, since: int) -> bool:
         """Return whether a walker who stops at the first such thing stops in an earlier room."""

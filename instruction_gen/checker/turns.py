@@ -10,7 +10,7 @@ from .ground import Ground
 from .things import Mask, room_names
 
 CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
-_BEND_DEG = 28.0
+_BEND_DEG, _WEAVE_DEG = 28.0, 35.0
 _GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 55.0, 125.0
 _MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
@@ -125,9 +125,22 @@ class Turns:
             total += abs(turn.angle_deg)
             most_deg = _MOST_DEG if j == k else _MERGED_DEG
             other = j > k and claim.side not in (first.side, "around")
+            if self._weaves(j, total) and claim.degree != "slight":
+                continue
             if not other and _is(claim, first.side, total, most_deg):
                 result.append(j + 1)
         return result
+
+    def _weaves(self, k: int, degrees: float) -> bool:
+        """Return whether a small bend that ends with turn `k` only swings out for the next one."""
+        after = self.turns[k + 1] if k + 1 < len(self.turns) else None
+        return (
+            degrees < _WEAVE_DEG
+            and after is not None
+            and after.side != self.turns[k].side
+            and abs(after.angle_deg) >= CLEAR_DEG
+            and after.along_m - self.turns[k].along_m <= _ONE_BEND_M
+        )
 
     def _leader(self, turn: TurnFact) -> int:
         """Return the number of the first claim that leads around a turn, −1 for a slight turn."""
@@ -140,7 +153,13 @@ class Turns:
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
         for index, claim in enumerate(self.claims):
             before = self.claims[index - 1] if index else claim
-            straight = "ahead" in (claim.side, before.side if before.kind == "walk" else "")
+            straight = "ahead" in (
+                claim.side,
+                before.side if before.kind in ("walk", "door") else "",
+            )
+            after = self.claims[index + 1] if index + 1 < len(self.claims) else claim
+            if after.side == "ahead" and after.kind in ("enter", "door", "walk"):
+                doors = [p for p in doors if p.along_m > turn.along_m]  # "and straight on from it"
             if not straight and any(_goes(claim, p.from_room, p.to_room) for p in doors):
                 return index
             if claim.what == "thing" and (
@@ -155,7 +174,8 @@ class Turns:
     def _ahead(self, claim: Claim, turn: TurnFact, k: int) -> bool:
         """Return whether a thing is in view at place `k`, and passed after a turn."""
         mask, _ = self.ground.seen_at(Claim("see", "thing", claim.name, room=claim.room))
-        return (self.ground.abeam_m(claim) or np.inf) > turn.along_m and bool(mask[k])
+        passed_m = self.ground.abeam_m(claim) or (0.0, np.inf)
+        return passed_m[1] > turn.along_m and bool(mask[k])
 
 
 def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:

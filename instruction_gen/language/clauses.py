@@ -6,7 +6,18 @@ from dataclasses import dataclass, field
 from .claims import Claim
 from .tables import closed
 from .tokens import Token
-from .words import BENDS, DETERMINERS, JOINTS, ORDINALS, PARTS, PREP_OF, SHARP, SLIGHT, VERB_OF
+from .words import (
+    BENDS,
+    DETERMINERS,
+    JOINTS,
+    ORDINALS,
+    PARTS,
+    PREP_OF,
+    SHARP,
+    SLIGHT,
+    VERB_OF,
+    is_known,
+)  # fmt: skip
 
 _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
@@ -109,6 +120,8 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     kind = VERB_OF.get(word, "")
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
+    if not (kind or before[:1].isalpha()) and after in DETERMINERS and not is_known(word):
+        return "stop"  # "defrost the fridge": what is to be done is done there
     count = before in ORDINALS and k > 1 and tokens[k - 2].text in DETERMINERS  # "the first turn"
     noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
         before in table for table in (SLIGHT, SHARP, _NOT_VERB_AFTER)

@@ -1,7 +1,7 @@
 """Words of a clause that no claim covers, and those that stand for things in no table."""
 
 from .claims import Step
-from .clauses import Clause
+from .clauses import Clause, verb_at
 from .phrases import read_phrase
 from .words import DETERMINERS, NEGATIONS, PREP_OF, SMALL, is_known, number_of
 
@@ -35,8 +35,9 @@ def _is_closed(word: str) -> bool:
 def find_fault(clause: Clause, k: int) -> None:
     """Find fault with a word that stands for a thing and is in no table."""
     tokens, word = clause.tokens, clause.tokens[k].text
-    if is_known(word) or not word.isalpha():
-        if is_known(word) and not _is_closed(word):
+    known = is_known(word) or bool(verb_at(tokens, k))
+    if known or not word.isalpha():
+        if known and not _is_closed(word):
             clause.used.add(k)
         return
     before = tokens[k - 1].text if k else ""

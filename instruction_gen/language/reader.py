@@ -195,6 +195,16 @@ class _Reader:
                     claims.append(claim)
                 k, prep = end, ""
             elif (
+                word == "one"
+                and claims
+                and claims[-1].what
+                and k
+                and (tokens[k - 1].text in ORDINALS)
+            ):  # "the door is the first one on the left"
+                claims[-1] = replace(claims[-1], ordinal=ORDINALS[tokens[k - 1].text])
+                clause.used.add(k)
+                k += 1
+            elif (
                 word in PRONOUNS
                 and self.thing is not None
                 and ((placed := read_side(tokens, k + 1)) and placed[1])
@@ -240,6 +250,15 @@ class _Reader:
         """
         tokens, claims, verb = clause.tokens, clause.claims, clause.verb
         named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
+        if (
+            named
+            and verb == "go"
+            and claims[named[-1]].kind == "in"
+            and (tokens[k].text == "to" and end == len(tokens))
+        ):  # "take the hallway to the left"
+            claims.append(Claim("turn", side=side))
+            clause.used.update(range(k, end))
+            return ""
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
         alone = not placed and verb in ("", "see", "pass", "stop") and not after

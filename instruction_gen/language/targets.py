@@ -20,7 +20,7 @@ _ROWS = {
     ),
     "door": (
         ("through into from", "enter leave", "go turn cross -", "door"),
-        ("past", "pass", "", "pass"),
+        ("past after", "pass", "", "pass"),
         ("with toward", "see", "", "see"),
     ),
     "thing": (
@@ -43,8 +43,9 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     verb = clause.verb
     kind = _kind(target.what, prep, verb or "-")
     if target.what == "room":
-        if not kind and not verb and not prep:
-            return replace(target, kind="in")
+        here = clause.says("are", "am") if prep == "in" else clause.says("this") and not prep
+        if (not kind and not verb and not prep) or (verb == "see" and here):
+            return replace(target, kind="in")  # "you are in the kitchen", "this is the kitchen"
         # "Until you reach the hall" says where the walker is, not that he enters it there.
         if kind == "enter" and verb != "enter" and (
             clause.until or (verb == "reach" and prep != "into")

@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from .lexicon import ADJECTIVES, COLOURS, MATERIALS, noun_kind
+from .lexicon import ADJECTIVES, COLOURS, MATERIALS, noun_kind, singular
 from .tables import closed, kind_of_word, rows_of, table_text
 
 # The kind of each form; of two verbs in a clause the first that is not `go` decides.
@@ -61,8 +61,9 @@ def number_of(word: str) -> float | None:
 
 def is_known(word: str) -> bool:
     """Return whether a word is in any table."""
-    named = word in _KNOWN or bool(noun_kind(word)) or number_of(word) is not None
-    return named or not word[0].isalpha() or word.isupper() or "_" in word
+    forms = _KNOWN.intersection((word, singular(word)))
+    named = forms or noun_kind(word) or number_of(word) is not None
+    return bool(named) or not word[0].isalpha() or word.isupper() or "_" in word
 
 
 @cache

@@ -94,7 +94,9 @@ def copies(boxes: Sequence[LabelBox]) -> Mask:
             smaller = volumes[first:stop] < float(np.prod(boxes[k].half))
             near = first + np.flatnonzero(left[first:stop] & smaller)
             if len(near):
-                left[near[boxes[k].contains(centers[near], COPY_MARGIN_M)]] = False
+                # A flat box has no top: what hangs on the other side of its wall is no copy.
+                margin = MARGIN_M if float(boxes[k].half.min()) < FLAT_M else COPY_MARGIN_M
+                left[near[boxes[k].contains(centers[near], margin)]] = False
         copied[flat[~left]] = True
     return copied
 
