@@ -1,17 +1,17 @@
 """Where along a path rooms and doors are entered, left, passed, seen, or stopped at."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ..facts.doors import DOOR
 from ..facts.records import PassageFact
 from ..language.claims import Claim
-from .things import BESIDE_M, Mask, Place, Things, room_names, spoken_side
+from .things import BESIDE_M, THROUGH_M, Mask, Place, Things, spoken_side
 
 _DOOR_M = 0.9  # around the middle of a passage
 _DOOR_SIDE_DEG = 10.0
-_THROUGH_M = 0.4
 _DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 
 
@@ -26,13 +26,9 @@ class Ground(Things):
         """Return where a room is left."""
         return self._crossed(claim, lambda p: p.from_room, (), "is not left")
 
-    def through_door(self, claim: Claim, passed: int = 0) -> Place:
-        """Return where the path goes through a doorway with the side, room and number said.
-
-        Args:
-            passed: how many doorways of the room the text has passed, with which it may count.
-        """
-        names = room_names(claim.room)
+    def through_door(self, claim: Claim) -> Place:
+        """Return where the path goes through a doorway with the side, room and number said."""
+        names = self.rooms(claim.room)
         mask = np.zeros(len(self.along_m), dtype=bool)
         rooms = [p for p in self.facts.passages if not names or names & {p.from_room, p.to_room}]
         if claim.room and not rooms and not names & set(self.facts.goal_rooms):
@@ -50,8 +46,7 @@ class Ground(Things):
         if ends:
             mask |= self.between(self.length_m - 1.0, self.length_m)
         if claim.ordinal and mask.any():
-            numbers = {claim.ordinal, claim.ordinal + passed}
-            counted = [p for p in sided if numbers & self._door_numbers(p, claim.side)]
+            counted = [p for p in sided if claim.ordinal in self._door_numbers(p, claim.side)]
             if not counted:
                 return mask & False, f"that is not doorway number {claim.ordinal}"
             mask = np.any([self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
@@ -80,14 +75,14 @@ class Ground(Things):
         to_m = next(ahead, self.length_m + 1.0)
         marks = [(self.facts.landmarks[n], self.near_m[n].min()) for n in self.meant(claim)]
         return sum(
-            _THROUGH_M < near_m <= BESIDE_M
+            THROUGH_M < near_m <= BESIDE_M
             and from_m - 1.5 <= mark.along_m < to_m
             and claim.side in ("", mark.side)
             for mark, near_m in marks
         )
 
     def _crossed(self, claim: Claim, room, ends: Sequence[str], fault: str) -> Place:
-        names = room_names(claim.name)
+        names = self.rooms(claim.name)
         mask = np.zeros(len(self.along_m), dtype=bool)
         found = [p for p in self.facts.passages if not claim.name or room(p) in names]
         if claim.side in ("left", "right"):
@@ -108,7 +103,7 @@ class Ground(Things):
 
     def inside(self, claim: Claim) -> Place:
         """Return where the walker is in a room."""
-        names = room_names(claim.name)
+        names = self.rooms(claim.name)
         mask = np.zeros(len(self.along_m), dtype=bool)
         for v in self.facts.visits:
             if v.room in names or not claim.name:
@@ -121,7 +116,7 @@ class Ground(Things):
 
     def room_in_view(self, claim: Claim) -> Place:
         """Return where a room may be seen, on the side said."""
-        names = room_names(claim.name)
+        names = self.rooms(claim.name)
         everywhere = np.ones(len(self.along_m), dtype=bool)
         if not names & {*self.facts.level_rooms, *(v.room for v in self.facts.visits)}:
             return ~everywhere, f"there is no {claim.name}"
@@ -144,7 +139,7 @@ class Ground(Things):
                     mask |= self.between(p.along_m - 4.0, p.along_m + 0.5)
         marks = list(enumerate(self.facts.landmarks))
         doors = [n for n, m in marks if m.noun == DOOR and names & set(m.leads)
-                 and self.near_m[n].min() > _THROUGH_M]  # fmt: skip
+                 and self.near_m[n].min() > THROUGH_M]  # fmt: skip
         within = [n for n, m in marks if m.noun != DOOR and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
             off = np.abs(self.bearing[rows])
@@ -158,7 +153,7 @@ class Ground(Things):
 
     def room_passed(self, claim: Claim) -> Place:
         """Return where a room lies beside the path, entered or not."""
-        names = room_names(claim.name)
+        names = self.rooms(claim.name)
         mask, _ = self.inside(claim)
         for v in self.facts.visits:
             if names & set(v.beyond):
@@ -172,7 +167,7 @@ class Ground(Things):
 
     def stopped_in(self, claim: Claim) -> str:
         """Return why the path does not stop in, outside or in the doorway of a room."""
-        facts, names = self.facts, room_names(claim.name)
+        facts, names = self.facts, self.rooms(claim.name)
         near = {*facts.goal_rooms, *facts.goal_near_rooms}
         entered_m = self.length_m - facts.visits[-1].from_m
         if claim.place in ("outside", "before", "at", "past") and names & near:
@@ -188,7 +183,7 @@ class Ground(Things):
 
     def stopped_at_door(self, claim: Claim) -> str:
         """Return why the path does not stop at or in a doorway."""
-        facts, names = self.facts, room_names(claim.room)
+        facts, names = self.facts, self.rooms(claim.room)
         reach = 1.3 if claim.place == "doorway" else 2.2
         doors = [m for m in facts.landmarks if m.noun == DOOR and m.goal_distance_m <= reach
                  and (not names or names & set(m.leads))]  # fmt: skip
@@ -203,8 +198,8 @@ class Ground(Things):
             inside = facts.goal_room in names and facts.visits[-1].exits <= 1
             if not (inside and doors):
                 return f"the doorway at the end of the path is not that of the {claim.room}"
-        if claim.side and doors:
-            return self.stopped_at(Claim("stop", "door", side=claim.side, room=claim.room))
+        if (claim.side or claim.ordinal) and doors:
+            return self.stopped_at(replace(claim, place=""))
         return ""
 
     def door_side(self, passage: PassageFact, side: str) -> bool:
@@ -233,7 +228,7 @@ class Ground(Things):
         k = int(np.argmin(np.abs(self.along_m - passage.along_m)))
         before = slice(max(0, k - 18), max(1, k - 1))
         for n in self.meant(Claim("door", "door")):
-            if self.distance[n, max(k - 1, 0) : k + 2].min() <= _THROUGH_M:
+            if self.distance[n, max(k - 1, 0) : k + 2].min() <= THROUGH_M:
                 seen = self.open[n, before] & (self.distance[n, before] > 0.5)
                 return bool((seen & (sign * self.facing[n, before] > _DOOR_SIDE_DEG)).any())
         return False

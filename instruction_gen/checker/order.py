@@ -5,13 +5,13 @@ so far. Each claim moves the states on; one that leaves none is false where it s
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..language.claims import Claim, Step
 from .ground import Ground
-from .things import Mask, Place, room_names, spread
+from .things import Mask, Place, spread
 from .turns import Turns
 
 States = dict[int, Mask]
@@ -80,7 +80,8 @@ class _Walk:
             else:
                 reason = self._place(claim)
                 if claim.kind == "pass" and claim.what != "room" and not reason + claim.place:
-                    first_m, last_m = self.ground.abeam_m(claim) or (passed_m, np.inf)
+                    since_m = min(float(self.along[np.argmax(m)]) for m in self.states.values())
+                    first_m, last_m = self.ground.abeam_m(claim, since_m) or (passed_m, np.inf)
                     if last_m < passed_m - _ORDER_M:
                         reason = f"the {claim.text or 'doorway'} is passed earlier"
                     passed_m = max(passed_m, first_m)
@@ -111,20 +112,13 @@ class _Walk:
                 "door": ground.entered,
             }[claim.kind](claim)  # fmt: skip
         if claim.kind in ("door", "enter", "leave", "in"):
-            passed = 0
-            for before in reversed(self.claims[: self.index]):  # doors of the same room
-                if before.kind in ("leave", "enter", "door"):
-                    break
-                passed += before.kind == "pass" and before.what == "door"
-            return (
-                ground.through_door(claim, passed) if claim.what == "door" else ground.left(claim)
-            )
+            return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
         # Who has gone through a door does not mean what is on this side of it.
         before = self.claims[self.index - 1]
-        through = before.kind in ("leave", "enter", "door")
+        through = before.kind in ("enter", "door")
         apart = self.index and self.owners[self.index - 1] != self.owners[self.index]
         first_m = min(float(self.along[np.argmax(here)]) for here in self.states.values())
-        beyond_m = 0.9 * (apart and through) + 0.8 * (before.kind == "turn")
+        beyond_m = 0.9 * (apart and through) + 0.4 * (before.kind == "turn")
         since = int(np.searchsorted(self.along, first_m + beyond_m - 0.1))
         return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
             claim, since
@@ -132,6 +126,11 @@ class _Walk:
 
     def _place(self, claim: Claim) -> str:
         mask, reason = self._find(claim)
+        fault = reason
+        if claim.ordinal > 0 and (passed := self._doors_passed()):
+            # "Pass the kitchen door and take the next one": counted from there.
+            more, reason = self._find(replace(claim, ordinal=claim.ordinal + passed))
+            mask, reason = mask | more, reason and fault
         if reason:
             return reason
         if claim.kind == "see" and any(c.kind == "stop" for c in self.claims[: self.index]):
@@ -160,7 +159,9 @@ class _Walk:
         if claim.kind == "in" and claim.name:
             if self.inside[0] != claim.name:
                 mask = mask & (self.along >= self.inside[1] + 0.6)
-            visits = [v for v in self.ground.facts.visits if v.room in room_names(claim.name)]
+            visits = [
+                v for v in self.ground.facts.visits if v.room in self.ground.rooms(claim.name)
+            ]
             first = min(float(self.along[np.argmax(here)]) for here in self.states.values())
             from_m = min((v.from_m for v in visits if v.to_m > first + 0.5), default=self.inside[1])
             self.inside = (claim.name, from_m)
@@ -200,6 +201,18 @@ class _Walk:
                 self.room = (owner, claim, entered) if entered.any() else self.room
             return ""
         return self._missing(claim, mask)
+
+    def _doors_passed(self) -> int:
+        """Return how many doorways of the room the text has passed."""
+        passed = 0
+        for before in reversed(self.claims[: self.index]):
+            if (
+                before.kind in ("leave", "enter", "door")
+                and before.name != self.claims[self.index].name
+            ):
+                break
+            passed += before.kind == "pass" and before.what == "door"
+        return passed
 
     def _missing(self, claim: Claim, mask: Mask) -> str:
         what = f"the {claim.text or 'doorway'}"
@@ -242,10 +255,9 @@ class _Walk:
         return ""
 
     def _avoid(self, claim: Claim) -> str:
-        own = claim.name in self.ground.facts.level_rooms  # not the children's bedroom
-        names = frozenset([claim.name]) if own else room_names(claim.name)
+        names = self.ground.rooms(claim.name)  # not the children's bedroom
         first = min(float(self.along[np.argmax(m)]) for m in self.states.values())
-        later = [v for v in self.ground.facts.visits if v.room in names and v.from_m > first + 0.5]
+        later = [v for v in self.ground.facts.visits if v.room in names and v.from_m > first - 0.6]
         twins = self.ground.facts.level_rooms.count(claim.name) > 1
         return f"the path does enter the {claim.name}" if later and not twins else ""
 

@@ -17,6 +17,7 @@ PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
 # How far from a thing the path may end, by the claim's place.
 _STOP_M = {"before": 2.4, "past": 3.2, "between": 2.4}
 _STOP_SIDED_M = {"": 2.0, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
+THROUGH_M = 0.4
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
 _CLEARLY_M = 0.5  # by how much the thing that is meant is the nearest
 _AT_HAND_M = 1.8
@@ -55,6 +56,11 @@ class Things:
         own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
 
+    def rooms(self, name: str) -> frozenset[str]:
+        """Return the rooms that a name means here: those of just that name, if there are any."""
+        own = frozenset((name,)) & {*self.facts.level_rooms}
+        return own or room_names(name)
+
     def between(self, low_m: float, high_m: float) -> Mask:
         """Return the places between two distances along the path."""
         return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
@@ -64,6 +70,8 @@ class Things:
         abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
         abeam |= self.distance <= 0.3  # a rug that is walked over
         near = (self.near_m <= PASS_M) & abeam & self._nearest() & ~self._behind
+        if claim.what == "door":  # one that is gone through is not passed
+            near &= self.near_m.min(axis=1, keepdims=True) > THROUGH_M
         if claim.side:  # ahead where it is never abeam
             ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
             near |= ahead & ~near.any(axis=1, keepdims=True)
@@ -117,8 +125,8 @@ class Things:
         view = self.seen[rows] & (self.distance[rows] <= SEE_M)
         return np.asarray((view & (np.abs(self.bearing[rows]) <= 125.0)).any(axis=0))
 
-    def abeam_m(self, claim: Claim) -> tuple[float, float] | None:
-        """Return the first and last place [m] where what may be meant is passed, None if unclear."""
+    def abeam_m(self, claim: Claim, since_m: float = 0.0) -> tuple[float, float] | None:
+        """Return the first and last place [m] where what may be meant is passed, None if none."""
         chosen = [n for n in self.meant(claim) if self.near_m[n].min() <= PASS_M]
         if claim.side in ("left", "right"):
             chosen = [n for n in chosen if self.facts.landmarks[n].side in ("", claim.side)]
@@ -128,6 +136,8 @@ class Things:
         chosen = [n for n in chosen if self.near_m[n].min() < least + _CLEARLY_M]
         across = np.abs(np.abs(self.facing[chosen]) - 90.0) / 15.0 + self.near_m[chosen]
         places = self.along_m[np.argmin(across, axis=1)]
+        if (later := places[places >= since_m - 1.0]).size:  # not what was passed before
+            places = later
         return float(places.min()), float(places.max())
 
     def met_before_end(self, claim: Claim, since: int) -> bool:
@@ -197,17 +207,17 @@ class Things:
         """Return the things that a claim may mean, by name and room."""
         marks = list(enumerate(self.facts.landmarks))
         if claim.what == "door":
-            names = room_names(claim.room)
+            names = self.rooms(claim.room)
             return [n for n, m in marks if m.noun == DOOR and (not names or names & set(m.leads))]
         found = [n for n, m in marks if called(m.noun, claim.name)]
         head, _, kind = claim.name.rpartition(" ")
-        if not found and head and room_names(head):
-            found = [n for n, m in marks if called(m.noun, kind) and m.room in room_names(head)]
+        if not found and head and self.rooms(head):
+            found = [n for n, m in marks if called(m.noun, kind) and m.room in self.rooms(head)]
         if not found and head and head in OBJECT_PHRASES:
             present = any(called(m.noun, head) for _, m in marks)
             found = [n for n, m in marks if called(m.noun, kind)] if present else []
         if claim.room:
-            return [n for n in found if self.facts.landmarks[n].room in room_names(claim.room)]
+            return [n for n in found if self.facts.landmarks[n].room in self.rooms(claim.room)]
         return found
 
     def _looks(self, n: int, kind: str) -> set[str]:
@@ -246,15 +256,14 @@ class Things:
                 and (n in chosen or self.near_m[n].min() > least_m)]  # fmt: skip
         near.sort(key=lambda n: marks[n].along_m)
         rows = [near]
-        if claim.side in ("left", "right"):
-            on_side = self.sided(near, claim.side) & (self.near_m[near] <= BESIDE_M)
-            rows.append([n for n, row in zip(near, on_side, strict=True) if row.any()])
-            # What is passed on the other side is on this one only behind a later turn.
-            rows.append([n for n in rows[1] if marks[n].side in ("", claim.side)])
+        if claim.side in ("left", "right"):  # where it is nearest, not behind a later turn
+            rows = [[n for n in near if marks[n].side in ("", claim.side)]]
+        visited = {"", *(visit.room for visit in self.facts.visits)}
+        rows.append([n for n in rows[0] if marks[n].room in visited])  # none behind a door
         for visit in self.facts.visits:
-            for first_m in (visit.from_m - 0.3, visit.from_m + 0.5):
+            for first_m in (visit.from_m - 0.3, visit.from_m + 0.5)[bool(claim.side) :]:
                 rows += [[n for n in row if first_m <= marks[n].along_m <= visit.to_m + 0.5]
-                         for row in rows[:3]]  # fmt: skip
+                         for row in rows[:2]]  # fmt: skip
         k = claim.ordinal - 1 if claim.ordinal > 0 else -1
         right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
         return np.array([n in right for n in chosen], dtype=bool)

@@ -7,13 +7,14 @@ import numpy as np
 from ..facts.records import TurnFact
 from ..language.claims import Claim
 from .ground import Ground
-from .things import Mask, room_names
+from .things import Mask
 
 CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
 _BEND_DEG, _WEAVE_DEG = 28.0, 35.0
 _GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 55.0, 125.0
 _MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
+_DONE_M = 0.4  # a walker looks along the new way so far behind a turn
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _END_M = 0.9
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
@@ -74,7 +75,7 @@ class Turns:
                 around = ground.between(self.turns[k].along_m - 1.2, last + 1.2)
                 if last < from_m or (tight is not None and not (tight & around).any()):
                     continue
-                at = ground.between(self.turns[k].along_m - 0.2, last + 0.5)
+                at = ground.between(self.turns[k].along_m + _DONE_M, last + 0.6)
                 result[end] = result.get(end, np.zeros_like(at)) | at
         still = self._again(made, here, claim) | self._slight(made, here, claim, index)
         if still.any():
@@ -155,12 +156,12 @@ class Turns:
             before = self.claims[index - 1] if index else claim
             straight = "ahead" in (
                 claim.side,
-                before.side if before.kind in ("walk", "door") else "",
+                before.side if before.kind in ("walk", "door", "leave") else "",
             )
             after = self.claims[index + 1] if index + 1 < len(self.claims) else claim
             if after.side == "ahead" and after.kind in ("enter", "door", "walk"):
                 doors = [p for p in doors if p.along_m > turn.along_m]  # "and straight on from it"
-            if not straight and any(_goes(claim, p.from_room, p.to_room) for p in doors):
+            if not straight and any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
                 return index
             if claim.what == "thing" and (
                 # The way around a thing bends; a thing ahead is walked up to.
@@ -189,11 +190,11 @@ def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:
     return degrees >= _SHARP_DEG if claim.degree == "sharp" else degrees <= most_deg
 
 
-def _goes(claim: Claim, from_room: str, to_room: str) -> bool:
+def _goes(ground: Ground, claim: Claim, from_room: str, to_room: str) -> bool:
     """Return whether a claim goes through an opening between two rooms."""
     if claim.kind in ("door", "enter", "leave") and not (claim.room or claim.name):
         return True
     if claim.kind not in ("enter", "leave", "in", "stop", "door"):
         return False
-    names = room_names(claim.room if claim.what == "door" else claim.name)
+    names = ground.rooms(claim.room if claim.what == "door" else claim.name)
     return to_room in names or (claim.kind == "leave" and from_room in names)
