@@ -76,7 +76,9 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
         word = token.text
         kind = "" if verb_at(tokens, k) or word in UNITS_M else noun_kind(word)
         verb, number = VERB_OF.get(word, ""), number_of(word)
-        if word in ("left", "right") and word not in sides:
+        if word not in sides and (
+            word in ("left", "right") or (word == "behind" and _after(tokens, k) == "you")
+        ):
             problems.append(f"no claim says {word}")
         elif word in NEGATIONS and "avoid" not in kinds:
             problems.append(f"{word}: an instruction says what to do")
@@ -120,8 +122,9 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     told, meant = ([c.side for c in row if c.kind == "turn"] for row in (claims, step.claims))
     unread = Counter(meant) - Counter(told)  # "go around the bed to the left"
     for claim in claims:
-        if claim.what == "thing" and claim.side in ("left", "right") and not unread[claim.side]:
-            own = [c for c in step.claims if c.what == "thing" and _covers(c.name, claim.name)]
+        placed = claim.what == "thing" or (claim.what == "room" and claim.kind in ("see", "pass"))
+        if placed and claim.side in ("left", "right") and not unread[claim.side]:
+            own = [c for c in step.claims if c.what == claim.what and _covers(c.name, claim.name)]
             if own and not any(c.side == claim.side for c in own):
                 problems.append(f"no claim says that the {claim.name} is on the {claim.side}")
     words = [token.text for token in tokenize(step.words)]
@@ -135,7 +138,7 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
         if ends and not any(_ends(own, stop) for own in step.claims):
             problems.append(f"no claim stops at the {stop.name}")
     told, meant = (
-        [singular(c.name) for c in row if c.kind == "pass" and c.what == "thing"]
+        [singular(c.name or c.room) for c in row if c.kind == "pass" and c.what != "room"]
         for row in (claims, step.claims)
     )
     other = set(words) & set(_OTHER_ORDER)
