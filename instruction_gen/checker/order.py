@@ -204,12 +204,11 @@ class _Walk:
 
     def _doors_passed(self) -> int:
         """Return how many doorways of the room the text has passed."""
-        passed = 0
-        for before in reversed(self.claims[: self.index]):
-            if (
-                before.kind in ("leave", "enter", "door")
-                and before.name != self.claims[self.index].name
-            ):
+        passed, own = 0, self.owners[self.index]
+        for before, owner in zip(
+            self.claims[: self.index][::-1], self.owners[: self.index][::-1], strict=True
+        ):
+            if before.kind in ("leave", "enter", "door") and owner != own:
                 break
             passed += before.kind == "pass" and before.what == "door"
         return passed

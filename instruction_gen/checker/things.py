@@ -257,13 +257,16 @@ class Things:
         near.sort(key=lambda n: marks[n].along_m)
         rows = [near]
         if claim.side in ("left", "right"):  # where it is nearest, not behind a later turn
-            rows = [[n for n in near if marks[n].side in ("", claim.side)]]
+            through = self.near_m.min(axis=1) <= THROUGH_M
+            rows = [[n for n in near if marks[n].side in ("", claim.side) or through[n]]]
         visited = {"", *(visit.room for visit in self.facts.visits)}
         rows.append([n for n in rows[0] if marks[n].room in visited])  # none behind a door
         for visit in self.facts.visits:
             for first_m in (visit.from_m - 0.3, visit.from_m + 0.5)[bool(claim.side) :]:
                 rows += [[n for n in row if first_m <= marks[n].along_m <= visit.to_m + 0.5]
                          for row in rows[:2]]  # fmt: skip
+        if claim.what == "door" and claim.side:
+            rows = rows[2:]  # of one room
         k = claim.ordinal - 1 if claim.ordinal > 0 else -1
         right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
         return np.array([n in right for n in chosen], dtype=bool)

@@ -15,6 +15,7 @@ _GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 55.0, 125.0
 _MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
 _DONE_M = 0.4  # a walker looks along the new way so far behind a turn
+_WAYS = ("walk", "in", "door", "leave", "enter")
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _END_M = 0.9
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
@@ -152,24 +153,26 @@ class Turns:
             return -1
         doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
+        straight = False  # what is named on a way that is called straight leads around no turn
         for index, claim in enumerate(self.claims):
             before = self.claims[index - 1] if index else claim
-            straight = "ahead" in (
-                claim.side,
-                before.side if before.kind in ("walk", "door", "leave") else "",
-            )
+            onward = before.kind == "walk" and before.side == "ahead"
+            ahead = (claim.side == "ahead" or onward) and claim.kind in _WAYS
             after = self.claims[index + 1] if index + 1 < len(self.claims) else claim
-            if after.side == "ahead" and after.kind in ("enter", "door", "walk"):
+            if after.side == "ahead" and after.kind in _WAYS:
                 doors = [p for p in doors if p.along_m > turn.along_m]  # "and straight on from it"
-            if not straight and any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
-                return index
-            if claim.what == "thing" and (
-                # The way around a thing bends; a thing ahead is walked up to.
-                (claim.kind == "pass" and claim.degree == "slight")
-                or (claim.kind == "stop" and ground.stop_in_view(claim)[k])
-                or (claim.kind in ("reach", "pass") and self._ahead(claim, turn, k))
-            ):
-                return index
+            straight = (ahead or straight) and claim.kind != "turn"
+            if not straight:
+                if any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
+                    return index
+                if claim.what == "thing" and (
+                    # The way around a thing bends; a thing ahead is walked up to.
+                    (claim.kind == "pass" and claim.degree == "slight")
+                    or (claim.kind == "stop" and ground.stop_in_view(claim)[k])
+                    or (claim.kind in ("reach", "pass") and self._ahead(claim, turn, k))
+                ):
+                    return index
+            straight = ahead or (straight and claim.kind not in ("enter", "door", "leave"))
         return len(self.claims)
 
     def _ahead(self, claim: Claim, turn: TurnFact, k: int) -> bool:

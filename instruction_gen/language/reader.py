@@ -220,6 +220,8 @@ class _Reader:
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1
+        if clause.straight and clause.verb == "go" and not claims and not clause.negated:
+            claims.append(Claim("walk", side="ahead"))
         stops = [n for n, c in enumerate(claims) if c.kind == "stop"]
         if clause.verb == "stop" and not stops:
             claims.append(Claim("stop"))

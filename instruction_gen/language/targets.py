@@ -56,7 +56,7 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
         kind = "see"  # "bathroom door right, kitchen door left"
     target = replace(target, kind=kind or _ELSE[target.what])
-    way = target.kind in ("enter", "door", "leave") or (target.what == "room" and prep == "across")
+    way = target.kind in ("enter", "door", "leave", "in") and target.what in ("room", "door")
     if way and not target.side and clause.is_straight:
         target = replace(target, side="ahead")
     if kind == "pass" and target.what == "thing":
