@@ -2,15 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .names import Names
 from .records import Event, Taste
-from .refer import PASS_DOOR_M, at_start, passed
+from .refer import PASS_DOOR_M, at_start, passed, walked_over
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
+_OVER = 0.6  # how often a rug that is walked over is mentioned
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 _PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
 
@@ -51,6 +53,12 @@ def passed_events(
     result: list[Event] = []
     for low, high in sorted(zip(edges, starts, strict=True), key=lambda pair: pair[0] - pair[1]):
         if high - low < taste.gap_m or len(result) >= taste.passed:
+            continue
+        over = partial(walked_over, facts=facts, low_m=low + 0.3, high_m=high - 0.3)
+        rugs = names.rng.random() < _OVER
+        rug = names.best(lambda m, over=over: 0.5 if over(m) else None) if rugs else None
+        if rug is not None:
+            result.append(Event("over", rug.mark.along_m, X=rug))
             continue
         best = names.best(_passing(facts, low + 0.5, high - 0.6))
         if best is None:
@@ -115,7 +123,7 @@ def with_distances(
         gap = event.along_m - before
         bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
         room = facts.room_at(before + 0.5 * gap)
-        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door")
+        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door", "over")
         long = gap > (2.0 if bare else _LONG_M)
         if speaks and room == "hallway" and long and not beside:
             result.append(Event("follow", before + 0.2, B=names.name(room)))

@@ -16,7 +16,7 @@ from .steps import ambiguous, move_events
 from .stop import stop_events
 
 DRAFTS = 40  # written for each text, the best is taken
-WORDS = {"terse": (5, 9), "natural": (21, 28), "rich": (37, 55)}
+WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (34, 42)}
 _MOST_CHECKED = 16
 _Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
 

@@ -23,6 +23,9 @@ _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 _INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip|the room|into it)")
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
+# How often a thing that is only passed or seen is a new one: "a bench", not "the bench".
+_NEW_KINDS = ("pass", "facing", "behind", "beside_start", "home_", "cue", "between", "over")
+_NEW = 0.45
 _USUAL = 0.25  # how often a thing has its usual name at least
 # Who sets out has not walked yet.
 _MORE = frozenset(("more", "another", "farther", "onwards", "continue", "keep", "carry"))
@@ -120,7 +123,8 @@ def drafts(
     for _ in range(count):
         phrase = pick(options, rng)
         words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
-        filled = " ".join(_SLOT.sub(lambda m: _slot(m[1], event), words).split())
+        new = event.kind.startswith(_NEW_KINDS) and rng.random() < _NEW
+        filled = " ".join(_SLOT.sub(lambda m, new=new: _slot(m[1], event, new), words).split())
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(filled.split())
         again = event.along_m < 0.3 and _MORE & set(filled.split())
@@ -133,7 +137,7 @@ def _is_hall(room: str) -> bool:
     return room.removeprefix("next ") in grammar()[1]["hallway"]
 
 
-def _slot(slot: str, event: Event) -> str:
+def _slot(slot: str, event: Event, new: bool) -> str:
     value = getattr(event, slot, None)
     if slot in _AGREES:
         plural = event.X is not None and event.X.plural
@@ -143,7 +147,9 @@ def _slot(slot: str, event: Event) -> str:
     if slot == "o":
         return _ORDINAL[event.ordinal]
     if isinstance(value, Reference):
-        return value.words
+        thing = value.words.removeprefix("the ")
+        article = "the" if value.plural or not new else "an" if thing[0] in "aeio" else "a"
+        return f"{article} {thing}"
     if slot not in "ABC":
         return str(value)
     return str(value) if str(value).startswith("another") else f"the {value or 'next room'}"

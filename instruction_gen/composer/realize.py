@@ -12,7 +12,7 @@ from .grammar import Clause, drafts, pick
 from .records import Event
 
 _CHOICES = 16  # ways to say an event, of which the least used is taken
-_OPENERS = ("Then", "Next,", "After that,", "Now", "Finally,")
+_OPENERS = ("Then", "Next,", "After that,", "Now", "From there,", "Finally,")
 _OPENED, _MOST_OPENED = 0.3, 2
 _JOINTS = {
     "terse": (", ", ", then ", " and "),

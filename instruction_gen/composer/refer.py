@@ -12,6 +12,8 @@ _TURN_M = 1.7
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
+_HUNG = ("picture", "window")  # on walls, passed like things
+_OVER_MOMENTS = 4  # a quarter of a metre apart
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 
 
@@ -99,7 +101,15 @@ def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) ->
     beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
     # What one sees through a door is not passed.
     here = mark.room in ("", facts.room_at(mark.along_m))
-    return bool(mark.nameable and beside and here and came_by(mark))
+    return bool((mark.nameable or mark.noun in _HUNG) and beside and here and came_by(mark))
+
+
+def walked_over(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) -> bool:
+    """Return whether the path leads over a rug between two places [m], the only one of its room."""
+    alone = sum((m.noun, m.room) == (mark.noun, mark.room) for m in facts.landmarks) == 1
+    here = low_m <= mark.along_m <= high_m and mark.room == facts.room_at(mark.along_m)
+    long = sum(m.distance_m <= 0.1 for m in mark.moments) >= _OVER_MOMENTS
+    return mark.noun in ("rug", "carpet") and alone and here and long
 
 
 def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
