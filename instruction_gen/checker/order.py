@@ -295,9 +295,6 @@ class _Walk:
 
     def _left_out(self) -> str:
         """Return that a turn is not mentioned at all, "" where none is left out."""
-        left = [
-            self.turns.unclaimed(made, self.index, float(self.along[here][-1]) - 0.5)
-            for made, here in self.states.items()
-        ]
+        left = [self.turns.unclaimed(made, self.index, -np.inf) for made in self.states]
         turn = left[-1] if all(left) else None
         return f"the turn to the {turn.side} is not mentioned" if turn else ""

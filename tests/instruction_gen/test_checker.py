@@ -83,6 +83,13 @@ TRUTHS += [
     (2, "Go to the bathroom and wipe the toilet."),
     (3, "Right out of the bedroom, past the shoe cabinet, then bear left into the children's room. "
         "Stop just after the wardrobe."),
+    (0, "This is the children's room. Walk out, turn left and go past the bench on your right. "
+        "After that comes a coat rack; stop there."),
+    (2, "Scrub the washbasin in the bathroom."),
+    (3, "Leave the bedroom and turn right. Pass the bathroom door on your left, then go in at the "
+        "next door on your left. Stop past the wardrobe."),
+    (4, "You are in the kitchen. Pass the fridge and go on into the living room. Take the hallway "
+        "to the left, and go in at the first door on your left. Stop."),
     (4, "Walk along the table, keeping it on your right. Go right past the fridge, straight into "
         "the living room, left into the hall, and in at the next door on the left. Stop there."),
 ]  # fmt: skip
@@ -201,6 +208,13 @@ LIES = [
         "the office. Stop, and then turn right."),
     (4, "roomorder", "Past the fridge, through the hall, then the living room, left into the "
         "office. Stop there."),
+    (0, "order", "Leave the children's room and turn left. Pass the bench, then the shoe cabinet, "
+        "both on your right, and stop after the coat rack."),
+    (3, "ordinal", "Turn right out of the bedroom. Go in at the first door on your left and stop."),
+    (0, "straight", "Leave the children's room and go straight down the hallway. Pass the bench "
+        "and stop after the coat rack."),
+    (0, "behind", "Use the door behind you, turn left, pass the bench and stop at the coat rack."),
+    (4, "here", "You are in the living room. Turn left into the hall, then left into the office."),
     (2, "doors", "Walk past the bed and out of the bedroom. Go right along the hall past seven "
         "doors on your left, then left into the bathroom. Stop in front of the washbasin."),
 ]  # fmt: skip

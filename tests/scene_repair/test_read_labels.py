@@ -15,8 +15,9 @@ from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.scene_repair.labels.attach import label_scan
 from vlnpe.scene_repair.labels.categories import category_of_name
+from vlnpe.scene_repair.labels.files import LabelBox
 from vlnpe.scene_repair.labels.matterport import read_house
-from vlnpe.scene_repair.labels.semantics import not_floor
+from vlnpe.scene_repair.labels.semantics import copies, not_floor
 from vlnpe.scene_repair.scan.dispatch import read_scan
 from vlnpe.scene_repair.scan.record import ScanMaterial
 from vlnpe.scene_repair.scan.soup import Part, merge_parts
@@ -173,3 +174,15 @@ def test_a_floor_lamp_is_no_floor() -> None:
     for category, blocked in (("floor lamp", True), ("tile floor", False), ("bath mat", False)):
         scan = merge_parts([Part("x", category, part.vertices, part.faces, uv, look)], [])
         assert not_floor(scan).all() == blocked
+
+
+def test_pictures_on_both_sides_of_a_wall_are_two():
+    half, axes = np.array([0.4, 0.01, 0.25]), np.eye(3)
+    pictures = [
+        LabelBox("left", "picture", np.array([0.0, 0.0, 1.5]), axes, half),
+        LabelBox("right", "picture", np.array([0.1, 0.13, 1.5]), axes, 0.9 * half),
+    ]
+    assert not copies(pictures).any()
+    table = LabelBox("table", "table", np.array([0.0, 0.0, 0.4]), axes, np.array([0.6, 0.4, 0.3]))
+    top = LabelBox("top", "table", np.array([0.0, 0.0, 0.72]), axes, np.array([0.6, 0.4, 0.01]))
+    assert copies([table, top]).tolist() == [False, True]
