@@ -9,10 +9,11 @@ from ..checker import Ground, check_text
 from ..facts.records import PathFacts
 from ..records import COMPOSER, WrittenText
 from .along import FEW_STEPS_M, bent, passed_events, start_events, with_distances
+from .moves import ambiguous
 from .names import Names
 from .realize import Usage, realize
 from .records import TASTES, Event, Taste
-from .steps import ambiguous, move_events
+from .steps import move_events
 from .stop import stop_events
 
 DRAFTS = 40  # written for each text, the best is taken

@@ -1,7 +1,7 @@
 """Choose what to mention of a path, before it is put into words."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,122 +9,15 @@ import numpy as np
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
 from .grammar import pick
+from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
 from .refer import PASS_DOOR_M, at_turn, in_view
 
-TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
-CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
-HINT_DEG = 30.0
-_SLIGHT_DEG, _SHARP_DEG, _ROUND_DEG = 50.0, 122.0, 155.0
-_ONE_BEND_M, _MANY_EXITS, _COUNTED = 1.6, 3, 0.6
-_WEAVING_M = 2.0
-_DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
-_TURN_AFTER_DOOR_M = 1.7
+_ROUND_DEG = 155.0
+_MANY_EXITS, _COUNTED = 3, 0.6
 _AT_ONCE_M = 1.3
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
-
-
-@dataclass(frozen=True)
-class Move:
-    """A turn, a step into another room, or both in one.
-
-    Attributes:
-        along_m: where it begins [m].
-        turn, passage: of the facts.
-        turn_first: the turn leads into the room.
-    """
-
-    along_m: float
-    turn: TurnFact | None = None
-    passage: PassageFact | None = None
-    turn_first: bool = False
-
-
-def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
-    """Return the turns worth mentioning; small ones that undo each other are weaving."""
-    result = []
-    for turn in _one_bend(facts.turns):
-        size = abs(turn.angle_deg)
-        if facts.length_m - turn.along_m < 0.7:
-            continue
-        small = HINT_DEG <= size < TELL_DEG
-        lonely = all(
-            abs(other.along_m - turn.along_m) > 3.0 for other in facts.turns if other is not turn
-        )
-        undoing = _opposed(facts, turn)
-        # The other one is not clear and stays untold: this side alone would mislead.
-        balanced = any(
-            TELL_DEG <= abs(other.angle_deg) < CLEAR_DEG
-            and abs(turn.angle_deg + other.angle_deg) < HINT_DEG
-            and _opposed(facts, other) == [turn]
-            for other in undoing
-        )
-        clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
-        if clear or (small and lonely and turn.along_m > 1.0):
-            result.append(turn)
-    return result
-
-
-def _one_bend(turns: Sequence[TurnFact]) -> list[TurnFact]:
-    """Return the turns, those to one side that follow each other closely as one wide bend."""
-    result: list[TurnFact] = []
-    for turn in turns:
-        before = result[-1] if result else None
-        if (
-            before
-            and before.side == turn.side
-            and turn.along_m - before.along_m <= _ONE_BEND_M
-            and min(abs(before.angle_deg), abs(turn.angle_deg)) < CLEAR_DEG
-            and abs(before.angle_deg + turn.angle_deg) <= _SHARP_DEG
-        ):
-            middle = 0.5 * (before.along_m + turn.along_m)
-            result[-1] = TurnFact(round(middle, 2), before.angle_deg + turn.angle_deg)
-        else:
-            result.append(turn)
-    return result
-
-
-def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
-    """Return the turns to the other side that are near enough to undo one."""
-    return [
-        other
-        for other in facts.turns
-        if other.side != turn.side
-        and abs(other.along_m - turn.along_m) <= _WEAVING_M
-        and abs(other.angle_deg) >= HINT_DEG
-    ]
-
-
-def moves(facts: PathFacts) -> list[Move]:
-    """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
-    result: list[Move] = []
-    # One hallway that widens is one room to who walks through it.
-    passages = [p for p in facts.passages if p.doorway or p.from_room != p.to_room]
-    turns = mentioned_turns(facts)
-    for n, turn in enumerate(turns):
-        low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
-        if n + 1 < len(turns):  # the doorway belongs to the turn that is nearer to it
-            high = min(high, turns[n + 1].along_m)
-        aside = (p for p in passages if p.side == turn.side)  # not a door straight ahead
-        after = next((p for p in aside if low <= p.along_m <= high), None)
-        before = next(
-            (p for p in passages if 0 < turn.along_m - p.along_m <= _TURN_AFTER_DOOR_M), None
-        )
-        if after is not None and turn.along_m > 0.4 and abs(turn.angle_deg) < _SHARP_DEG:
-            passages.remove(after)
-            result.append(Move(min(turn.along_m, after.along_m), turn, after, turn_first=True))
-        elif (
-            before is not None
-            and not before.alike
-            and _SLIGHT_DEG <= abs(turn.angle_deg) < _SHARP_DEG
-        ):
-            passages.remove(before)
-            result.append(Move(before.along_m, turn, before))
-        else:
-            result.append(Move(turn.along_m, turn))
-    result += [Move(p.along_m, passage=p) for p in passages]
-    return sorted(result, key=lambda m: m.along_m)
 
 
 def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -158,7 +51,7 @@ def _unique(passage: PassageFact, facts: PathFacts) -> bool:
 
 
 def _tells(turn: TurnFact) -> bool:
-    return abs(turn.angle_deg) >= _SLIGHT_DEG
+    return abs(turn.angle_deg) >= SLIGHT_DEG
 
 
 def _one_of_many(passage: PassageFact | None, facts: PathFacts) -> bool:
@@ -213,7 +106,7 @@ def _joined(move: Move, after: Move | None) -> Event | None:
         return None
     near = after.along_m - move.along_m <= _ONE_MOVE_M
     sizes = (abs(move.turn.angle_deg), abs(after.turn.angle_deg))
-    if not near or min(sizes) < CLEAR_DEG or max(sizes) > _SHARP_DEG:
+    if not near or min(sizes) < CLEAR_DEG or max(sizes) > SHARP_DEG:
         return None
     kind = "twice" if move.turn.side == after.turn.side else "jog"
     sides = move.turn.side, after.turn.side
@@ -226,8 +119,8 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     size, along = abs(turn.angle_deg), turn.along_m
     if size >= _ROUND_DEG:
         return Event("around", along)
-    if size < _SLIGHT_DEG or size > _SHARP_DEG:
-        return Event("slight" if size < _SLIGHT_DEG else "sharp", along, s=turn.side)
+    if size < SLIGHT_DEG or size > SHARP_DEG:
+        return Event("slight" if size < SLIGHT_DEG else "sharp", along, s=turn.side)
     # Within a room, a turn that does not come at once needs a cue.
     at_once_m = _AT_ONCE_M * (2.0 if taste.voice == "terse" else 1.0)
     if gap_m > at_once_m or names.rng.random() < taste.marks:
@@ -256,7 +149,7 @@ def _passage(
     # Where a hallway goes on as another there is no door.
     doorway = passage.doorway and passage.from_room != passage.to_room
     many = doorway and _one_of_many(passage, facts)
-    slight = turn is not None and abs(turn.angle_deg) < _SLIGHT_DEG
+    slight = turn is not None and abs(turn.angle_deg) < SLIGHT_DEG
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
         kind = "turn" if side and move.turn_first else kind
@@ -310,14 +203,3 @@ def _passage(
     if doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
     return replace(event, kind=pick(kinds, rng))
-
-
-def ambiguous(facts: PathFacts) -> str:
-    """Return why no text can say which doorway is meant, "" where every one can be told."""
-    for passage in facts.passages:
-        if passage.alike and passage.side and not (passage.doorway or passage.beside):
-            return (
-                f"{passage.alike + 1} openings of the {passage.from_room or 'room'} lead to a "
-                f"{passage.to_room}, and nothing tells them apart"
-            )
-    return ""

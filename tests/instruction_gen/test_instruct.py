@@ -19,9 +19,9 @@ from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import plan
 from vlnpe.instruction_gen.composer.grammar import grammar
+from vlnpe.instruction_gen.composer.moves import mentioned_turns
 from vlnpe.instruction_gen.composer.names import Names
 from vlnpe.instruction_gen.composer.records import TASTES
-from vlnpe.instruction_gen.composer.steps import mentioned_turns
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.facts.records import TurnFact
