@@ -70,7 +70,7 @@ class Things:
         abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
         abeam |= self.distance <= 0.3  # a rug that is walked over
         near = (self.near_m <= PASS_M) & abeam & self._nearest() & ~self._behind
-        if claim.what == "door":  # one that is gone through is not passed
+        if claim.what == "door" and claim.side:  # one that is gone through is on no side
             near &= self.near_m.min(axis=1, keepdims=True) > THROUGH_M
         if claim.side:  # ahead where it is never abeam
             ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)

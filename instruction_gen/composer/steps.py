@@ -12,7 +12,7 @@ from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
-from .refer import PASS_DOOR_M, at_turn, in_view
+from .refer import DOORLESS, PASS_DOOR_M, at_turn, in_view
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
@@ -64,14 +64,17 @@ def _one_of_many(passage: PassageFact | None, facts: PathFacts) -> bool:
 def _counts(passage: PassageFact, facts: PathFacts) -> bool:
     """Return whether the place of a doorway in the row counts doorways of the room left alone."""
     from_m = _left(passage, facts).from_m + 0.5
-    row = (
-        passage.from_room in mark.leads and mark.side == passage.side
+    row = [
+        mark.leads
         for mark in facts.landmarks
         if mark.noun == DOOR
+        and mark.side == passage.side
         and mark.distance_m <= PASS_DOOR_M
         and from_m < mark.along_m < passage.along_m - 0.5
-    )
-    return passage.ordinal == 1 + sum(row)
+    ]
+    own = [leads for leads in row if passage.from_room in leads]
+    open_ = any(DOORLESS.intersection(leads) for leads in row)
+    return not open_ and passage.ordinal == 1 + len(own)
 
 
 def _left(passage: PassageFact, facts: PathFacts) -> VisitFact:

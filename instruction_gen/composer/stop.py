@@ -50,7 +50,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
     past = names.best(lambda m: m.distance_m if passed(m, facts, from_m, length - 0.4) else None)
-    if past is not None:
+    if past is not None and not past.plural:
         return Event("stop_past", length, X=past)
     return Event("stop_after", length, far_m=1.0)
 
