@@ -81,6 +81,8 @@ def _chain(model: mujoco.MjModel, handles: RobotHandles, soles: I64) -> list[int
         )
     chain = list(bodies)
     while (parent := int(model.body_parentid[chain[0]])) != handles.root_body:
+        if parent == 0:
+            raise InputError(f"a foot of {handles.robot.name} is on its base; valid: on a leg")
         chain.insert(0, parent)
     return chain
 

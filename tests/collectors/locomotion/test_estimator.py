@@ -164,6 +164,11 @@ def test_legs_that_are_no_chains_of_hinges_are_refused():
     spread = replace(handles, sole_geoms=handles.sole_geoms.reshape(1, -1))
     with pytest.raises(InputError, match="soles on 3 bodies; valid: 1"):
         Legs.of(model, spread)
-    held = replace(handles, joint_dof=np.array([99, 98]))
+    with pytest.raises(InputError, match="is on its base; valid: on a leg"):
+        Legs.of(model, handles)
+    walker = get_robot("h1")
+    model = walker.build_model()
+    handles = RobotHandles.find(walker, model)
+    held = replace(handles, joint_dof=np.full(len(walker.joints), 99))
     with pytest.raises(InputError, match="valid: one hinge with a servo"):
         Legs.of(model, held)
