@@ -1,5 +1,7 @@
 """The published results belong to their recipes, and the page says what they hold."""
 
+import itertools
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import pytest
 
 from benchmarks.evidence.__main__ import HERE, RECIPES, main
 from vlnpe.datasets.mixture.recipe import read_recipe
-from vlnpe.evaluation.results import decimals
+from vlnpe.evaluation.results import compare, decimals
 from vlnpe.evaluation.statistics import Interval
 from vlnpe.learning.config import train_config
 from vlnpe.pipeline.ablation.page import figure_svg, markdown
@@ -66,6 +68,10 @@ def test_the_page_of_results_says_what_the_files_hold(results: dict[str, Any]) -
                 mean = interval(value, row, metric)
                 assert mean is not None
                 measured.add(shown(metric, mean, ""))
+    rounds = json.loads((HERE / "results" / "dagger.json").read_text())
+    for first, second in itertools.permutations(rounds, 2):
+        changes = compare(rounds[first], rounds[second], (first, second)).differences
+        measured |= {shown(metric, change, "+") for metric, change in changes.items()}
     page = DATA.read_text()
     numbers = re.findall(r"[+−]?[\d.]+ \([^()]* … [^()]*\)", page.replace("\n", " "))
     assert len(numbers) > 60
