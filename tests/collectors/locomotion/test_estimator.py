@@ -113,35 +113,32 @@ def test_the_estimate_does_not_know_where_the_robot_is():
         data.qvel[handles.root_dof] += speed_m_s
         mujoco.mj_forward(model, data)
         sensors, estimator = readings_of(policy, data, 5), StateEstimator(model, handles, 1)
-        for _ in range(10):
-            body = estimator.update(sensors.read()).copy()
-        bodies.append(body)
+        bodies.append([estimator.update(sensors.read()).copy() for _ in range(10)][-1])
     np.testing.assert_allclose(bodies[1], bodies[0], atol=1e-9)
     assert np.abs(bodies[0][0, :3]).max() < 0.1
 
 
 def test_errors_come_from_the_seed_alone_and_a_step_can_be_repeated():
-    policy, data = GaitPolicy.load(get_robot("g1")), None
-    targets = {}
+    policy, targets = GaitPolicy.load(get_robot("g1")), {}
+
+    def walked(data: mujoco.MjData, steps: int) -> np.ndarray:
+        for _ in range(steps):
+            data.ctrl[:] = policy.act(data, (0.3, 0.0, 0.0))
+            mujoco.mj_step(data.model, data, 4)
+        return policy.act(data, (0.3, 0.0, 0.0)).copy()
+
     for seed in (3, 3, 4, None):
         data = mujoco.MjData(policy.robot.build_model())
-        handles = RobotHandles.find(policy.robot, data.model)
-        handles.spawn(data)
+        RobotHandles.find(policy.robot, data.model).spawn(data)
         policy.reset(seed)
-        for k in range(20):
-            if k == 10:
-                kept, before = [array.copy() for array in policy.memory], copy(data)
-            data.ctrl[handles.actuators] = policy.act(data, (0.3, 0.0, 0.0))
-            mujoco.mj_step(data.model, data, 4)
-        first = policy.act(data, (0.3, 0.0, 0.0)).copy()
+        walked(data, 10)
+        kept, before = [array.copy() for array in policy.memory], copy(data)
+        first = walked(data, 10)
         np.testing.assert_array_equal(targets.setdefault(seed, first), first)
         mujoco.mj_copyData(data, data.model, before)
         for array, value in zip(policy.memory, kept, strict=True):
             array[:] = value
-        for _ in range(10):
-            data.ctrl[handles.actuators] = policy.act(data, (0.3, 0.0, 0.0))
-            mujoco.mj_step(data.model, data, 4)
-        np.testing.assert_array_equal(policy.act(data, (0.3, 0.0, 0.0)), first)
+        np.testing.assert_array_equal(walked(data, 10), first)
     assert len({target.tobytes() for target in targets.values()}) == 3
 
 
