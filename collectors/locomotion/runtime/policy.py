@@ -158,7 +158,7 @@ class GaitPolicy:
             handles,
             card.gait,
             self.robot.command_limits,
-            card.past,
+            past=card.past,
             sensed=sensed,
         )
 

@@ -31,6 +31,7 @@ class GaitStep:
         handles: RobotHandles,
         gait: GaitClock,
         limits: CommandLimits,
+        *,
         past: int = 0,
         dtype: DTypeLike = np.float32,
         sensed: tuple[Sensors, StateEstimator] | None = None,

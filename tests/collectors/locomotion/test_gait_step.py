@@ -45,8 +45,8 @@ def test_a_robot_walks_alone_as_in_a_batch(robot: RobotSpec, gait: GaitClock, pa
     qpos, qvel = np.array([d.qpos for d in data]), np.array([d.qvel for d in data])
     limits, alone = robot.command_limits, replace(robot, action_scale_rad=0.5)
     handles = replace(handles, robot=alone)
-    batch = GaitStep(qpos, qvel, handles, gait, limits, past, np.float64)
-    steps = [GaitStep(qpos[n : n + 1], qvel[n : n + 1], handles, gait, limits, past, np.float64)
+    batch = GaitStep(qpos, qvel, handles, gait, limits, past=past, dtype=np.float64)
+    steps = [GaitStep(qpos[n : n + 1], qvel[n : n + 1], handles, gait, limits, past=past, dtype=np.float64)
              for n in range(count)]  # fmt: skip
     history: list[np.ndarray] = []
     for k in range(60):
