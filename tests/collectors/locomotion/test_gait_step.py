@@ -1,6 +1,7 @@
 """The step of a gait: one robot as many, its history, and other simulations."""
 
 from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -45,8 +46,9 @@ def test_a_robot_walks_alone_as_in_a_batch(robot: RobotSpec, gait: GaitClock, pa
     qpos, qvel = np.array([d.qpos for d in data]), np.array([d.qvel for d in data])
     limits, alone = robot.command_limits, replace(robot, action_scale_rad=0.5)
     handles = replace(handles, robot=alone)
-    batch = GaitStep(qpos, qvel, handles, gait, limits, past=past, dtype=np.float64)
-    steps = [GaitStep(qpos[n : n + 1], qvel[n : n + 1], handles, gait, limits, past=past, dtype=np.float64)
+    kind: Any = {"past": past, "dtype": np.float64}
+    batch = GaitStep(qpos, qvel, handles, gait, limits, **kind)
+    steps = [GaitStep(qpos[n : n + 1], qvel[n : n + 1], handles, gait, limits, **kind)
              for n in range(count)]  # fmt: skip
     history: list[np.ndarray] = []
     for k in range(60):
