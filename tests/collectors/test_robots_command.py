@@ -12,6 +12,7 @@ from PIL import Image
 from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
 from vlnpe.collectors.locomotion.trials.gates import GATES
 from vlnpe.collectors.robots import ROBOTS, get_robot
+from vlnpe.collectors.robots.registry import FOLDERS
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline import robot_sheet
 from vlnpe.pipeline.cli import main
@@ -30,7 +31,7 @@ def run_json(capsys: pytest.CaptureFixture, *arguments: object) -> dict:
 
 def test_it_lists_every_robot_with_its_facts(capsys: pytest.CaptureFixture):
     rows = {row["name"]: row for row in run_json(capsys)["robots"]}
-    assert list(rows) == list(ROBOTS)
+    assert list(rows) == [*ROBOTS, *FOLDERS]
     for name, row in rows.items():
         robot = get_robot(name)
         assert row["mass_kg"] == pytest.approx(robot.mass_kg, abs=1e-3)
@@ -46,7 +47,7 @@ def test_it_lists_every_robot_with_its_facts(capsys: pytest.CaptureFixture):
     assert {gate["name"] for gate in rows["aliengo"]["gates"]} == {gate.name for gate in GATES}
     assert main(["robots"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines[: lines.index("")]] == ["robot", *ROBOTS]
+    assert [line.split()[0] for line in lines[: lines.index("")]] == ["robot", *rows]
 
 
 def test_an_unmeasured_gate_is_marked(monkeypatch: pytest.MonkeyPatch):
@@ -54,8 +55,8 @@ def test_an_unmeasured_gate_is_marked(monkeypatch: pytest.MonkeyPatch):
     policy = GaitPolicy.load(robot)
     for evaluation, summary in (
         ({}, "not measured"),
-        ({"pushes": {"survived": 0.5}}, "0 of 1 passed, 12 not measured"),
-        ({"pushes": {"survived": 1.0}}, "1 of 1 passed, 12 not measured"),
+        ({"pushes": {"survived": 0.5}}, f"0 of 1 passed, {len(GATES) - 1} not measured"),
+        ({"pushes": {"survived": 1.0}}, f"1 of 1 passed, {len(GATES) - 1} not measured"),
         ({"pushes": {"survived": math.nan}}, "not measured"),
     ):
         changed = policy.changed(robot, replace(policy.card, evaluation=evaluation))
