@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from ...formats.core.rollout import REST_M_S
 from ..controllers import FlashConfig, PathConfig, SpeedConfig
-from ..locomotion.runtime.sensors import State
+from ..locomotion.state import State
 from ..physics import LevelModelConfig
 from ..physics.outcome import OutcomeConfig
 

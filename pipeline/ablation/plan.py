@@ -129,7 +129,8 @@ def _comparison(options: Ablate, recipe: Recipe) -> Comparison:
     comparison = recipe.comparison
     if comparison is None:
         raise InputError(
-            "the recipe has no `comparison`, which names the tests and claims (docs/training.md)"
+            "the recipe has no `comparison`, which names the tests and claims "
+            "(docs/guides/training.md)"
         )
     names = [name.strip() for name in options.rows.split(";") if name.strip()]
     for name in names:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...collectors.controllers import SpeedConfig
-from ...collectors.locomotion.runtime.sensors import State
+from ...collectors.locomotion.state import State
 from ..engine.run_folder import RunFolder
 from ..execution.runner import Context, StageSummary, WorkItem, run_stage
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from ...collectors.locomotion.runtime.sensors import State
+from ...collectors.locomotion.state import State
 from ...scene_repair.config import RepairConfig
 from ...trajectory_sampler.config import SampleConfig
 

@@ -1,7 +1,7 @@
 """A simulated robot's own sensors, with the errors of real ones."""
 
 from dataclasses import astuple, dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,6 @@ from .estimator import Readings
 from .gait import RATE_HZ
 from .legs import GRAVITY_M_S2
 from .observation import to_base
-
-State = Literal["true", "estimated"]  # what a gait sees
 
 
 @dataclass(frozen=True)

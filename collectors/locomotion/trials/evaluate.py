@@ -19,7 +19,7 @@ from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
 from ..runtime.card import save_card
 from ..runtime.policy import GaitPolicy, policy_files
-from ..runtime.sensors import State
+from ..state import State
 from .aim import calibrated
 from .driven import action_errors, follow_paths
 from .gates import CLOSED_LOOP, TIMED, gate_results

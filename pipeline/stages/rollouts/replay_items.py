@@ -8,7 +8,7 @@ from typing import Any
 
 from ....collectors.controllers import SpeedConfig, get_controller
 from ....collectors.locomotion.runtime.policy import policy_files
-from ....collectors.locomotion.runtime.sensors import State
+from ....collectors.locomotion.state import State
 from ....collectors.replay.replay import ReplayConfig
 from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import file_digest
