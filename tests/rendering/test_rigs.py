@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -124,6 +125,12 @@ def test_a_policy_sees_what_is_recorded(
     walk = replay_in(world, make_episode(two_rooms, (1.0, 1.0), (1.6, 1.2)), ReplayConfig())
     (view,) = views(f"{rig}:64x64", "aliengo")
     last = np.array([len(walk.time_s) - 1])
+    # The robot was watched for some seconds after the record's end.
+    handles, qpos = world.handles, world.data.qpos
+    pose = walk.position_world_m[-1], walk.quat_wxyz[-1]
+    qpos[handles.root_qpos : handles.root_qpos + 7] = np.concatenate(pose)
+    qpos[handles.joint_qpos] = walk.joint_position_rad[-1]
+    mujoco.mj_forward(world.model, world.data)
     recorded = next(RolloutFrames.plan(renderer, walk, view, last).render(renderer))
     seen = Eye(world, view, renderer).look()
     np.testing.assert_allclose(seen[1], recorded[1], atol=0.01)
