@@ -232,7 +232,7 @@ def read_layers(path):
 
 
 def main(card, recording):
-    loop, walk = GaitLoop(card), np.load(recording)
+    loop, walk = GaitLoop(card), np.load(recording, allow_pickle=False)
     inputs = ("quat_wxyz", "gyro_rad_s", "velocity_base_m_s", "joint_rad", "joint_rad_s", "command")
     rows = zip(*(walk[key] for key in inputs), strict=True)
     targets = np.array([loop.step(*row) for row in rows])

@@ -91,7 +91,8 @@ def copies_one_by_one(boxes: list[LabelBox]) -> list[bool]:
             other is not box
             and other.category == box.category
             and np.prod(other.half) > np.prod(box.half)
-            and bool(other.contains(box.center[None], 0.15)[0])
+            # Of a flat one only what is inside it: the other side of its wall is near, too.
+            and bool(other.contains(box.center[None], 0.03 if other.half.min() < 0.06 else 0.15)[0])
             and float(box.half.min()) < 0.06
             for other in boxes
         )
