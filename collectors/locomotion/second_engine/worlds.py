@@ -106,7 +106,7 @@ class DrakeWorld:
         for k, (center, half) in enumerate(_boxes(heights_m)):
             self._plant.RegisterCollisionGeometry(
                 self._plant.world_body(),
-                RigidTransform(list(center)),
+                RigidTransform(np.array(center)),
                 Box(*(2.0 * np.array(half))),
                 f"floor_{k}",
                 friction,
