@@ -55,9 +55,10 @@ def taken(page: Page, time_s: float) -> Image.Image:
     """Return what the page shows once it has drawn the time that its slider tells."""
     slider = "+document.querySelector('[role=slider]').getAttribute('aria-valuenow')"
     page.wait(f"Math.abs({slider} - {time_s}) < 0.006", 60)
-    page.evaluate("__viserMutable.requestRender()")
     drawn = page.evaluate("__viserTestpoints.rendererInfo.render.frame")
-    page.wait(f"__viserTestpoints.rendererInfo.render.frame > {drawn + 1}", 60)
+    # A request makes one frame, and the first may have begun before.
+    ask = "__viserMutable.requestRender()"
+    page.wait(f"({ask}, __viserTestpoints.rendererInfo.render.frame > {drawn + 1})", 60)
     return Image.open(io.BytesIO(page.screenshot())).convert("RGB")
 
 
