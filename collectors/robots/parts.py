@@ -9,6 +9,10 @@ from ...formats.core.arrays import Array
 from ...formats.core.camera import CameraModel
 
 
+# Share of a motor's no-load speed up to which it has its full torque, where nobody says another.
+FULL_TORQUE_SPEED = 0.6
+
+
 @dataclass(frozen=True)
 class JointFacts:
     """One actuated joint: limits, default pose and servo.
@@ -22,6 +26,7 @@ class JointFacts:
         torque_nm: torque limit [Nm].
         speed_rad_s: no-load speed of the motor, at which it has no torque left [rad/s]; inf for a
             servo whose torque does not depend on speed. See `shapes.add_servo`.
+        full_torque_speed: share of that speed up to which it has its full torque.
     """
 
     name: str
@@ -32,6 +37,7 @@ class JointFacts:
     kd: float
     torque_nm: float
     speed_rad_s: float = math.inf
+    full_torque_speed: float = FULL_TORQUE_SPEED
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,7 +15,6 @@ Color = tuple[float, float, float]
 VISUAL_GROUP = 2
 COLLISION_GROUP = 3
 SOLE_TIME_S = 0.01  # of a walker's contacts, the shortest that is stable at steps of 5 ms
-FULL_TORQUE_SPEED = 0.6  # share of a motor's no-load speed up to which it has its full torque
 POSITION_INPUT = 1  # MuJoCo's mjINPUT_POS, which its Python module does not name
 _GEOM = mujoco.mjtGeom
 SHAPES = {
@@ -152,7 +151,7 @@ def add_joint(
 def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
     """Add a PD position servo with its motor's limits: force = kp (ctrl − q) − kd q̇, ctrl in rad.
 
-    The torque is limited to `torque_nm`. Beyond `FULL_TORQUE_SPEED` of the motor's no-load speed
+    The torque is limited to `torque_nm`. Beyond `full_torque_speed` of the motor's no-load speed
     the limit falls linearly to zero at that speed, as the supply voltage makes it in a DC motor;
     braking is not limited further. MuJoCo's `dcmotor` computes this when its constants are chosen
     so that 1 V is 1 rad/s.
@@ -163,7 +162,7 @@ def add_servo(spec: mujoco.MjSpec, facts: JointFacts) -> None:
         return
     servo.set_to_dcmotor(
         motorconst=[1.0, 1.0],
-        resistance=(1.0 - FULL_TORQUE_SPEED) * facts.speed_rad_s / facts.torque_nm,
+        resistance=(1.0 - facts.full_torque_speed) * facts.speed_rad_s / facts.torque_nm,
         controller=[facts.kp, 0.0, facts.kd, 0.0, 0.0, facts.speed_rad_s],
         ctrlspec=POSITION_INPUT,
     )

@@ -10,7 +10,6 @@ import numpy as np
 
 from ....formats.core.atomic import atomic_file, write_json
 from ...robots import TIMESTEP_S, RobotSpec
-from ...robots.shapes import FULL_TORQUE_SPEED
 from ..runtime.policy import GaitPolicy, policy_files
 from .motors import MOTORS
 from .recording import recorded_walk
@@ -50,6 +49,7 @@ def deployment(robot: RobotSpec, policy: GaitPolicy) -> dict[str, Any]:
                 "kd_nm_s_rad": joint.kd,
                 "torque_nm": joint.torque_nm,
                 "speed_rad_s": joint.speed_rad_s if math.isfinite(joint.speed_rad_s) else None,
+                "full_torque_up_to_share_of_speed": joint.full_torque_speed,
             }
             for k, joint in enumerate(robot.joints)
         ],
@@ -69,7 +69,6 @@ def deployment(robot: RobotSpec, policy: GaitPolicy) -> dict[str, Any]:
             "roll_rad": robot.fall.roll_rad,
             "pitch_rad": robot.fall.pitch_rad,
             "center_of_mass_above_foot_m": robot.fall.com_to_foot_m,
-            "full_torque_up_to_share_of_speed": FULL_TORQUE_SPEED,
         },
         "delay_ms": {
             "action_anticipated": 1000.0 * TIMESTEP_S * late_substeps,

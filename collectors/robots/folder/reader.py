@@ -8,7 +8,7 @@ import numpy as np
 
 from ....formats.core.errors import FileFormatError
 from ..handles import sole_radius_m
-from ..parts import CameraMount, JointFacts
+from ..parts import FULL_TORQUE_SPEED, CameraMount, JointFacts
 from ..shapes import POSITION_INPUT
 from .facts import FACTS_NAME, FolderFacts
 from .model import MODEL_NAME, joined
@@ -113,6 +113,10 @@ class ModelReader:
                 self.path,
                 f"the actuator of joint {name!r} has no forcerange; add it [Nm]",
             )
+        share = FULL_TORQUE_SPEED
+        if math.isfinite(speed):
+            # At what speed the supply voltage still drives the limiting torque through R.
+            share = round(max(0.0, 1.0 - float(gain[0] / (gain[1] * gain[7])) * limit), 9)
         return JointFacts(
             name,
             default_rad,
@@ -121,6 +125,7 @@ class ModelReader:
             kd=float(kd),
             torque_nm=limit,
             speed_rad_s=speed,
+            full_torque_speed=share,
         )
 
     def check_feet(self) -> None:

@@ -19,13 +19,14 @@ from vlnpe.collectors.locomotion.training.gaits import GAITS
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
 from vlnpe.pipeline.cli import main
 
+WALKERS = [*GAITS, "go2"]
 EXAMPLE = Path(__file__).resolve().parents[3] / "examples" / "gait_loop.py"
 
 
 @pytest.fixture(scope="module")
 def cards(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cards")
-    for name in GAITS:
+    for name in WALKERS:
         write_deployment(get_robot(name), folder)
     return folder
 
@@ -35,7 +36,7 @@ def example() -> dict[str, Any]:
     return runpy.run_path(str(EXAMPLE))
 
 
-@pytest.mark.parametrize("name", list(GAITS))
+@pytest.mark.parametrize("name", WALKERS)
 def test_the_loop_reproduces_another_walk_bit_by_bit(
     name: str, cards: Path, example: dict[str, Any]
 ):
@@ -79,7 +80,7 @@ def test_the_example_prints_what_it_reproduced(
     assert capsys.readouterr().out.startswith("h1: 500 of 700")
 
 
-@pytest.mark.parametrize("name", list(GAITS))
+@pytest.mark.parametrize("name", WALKERS)
 def test_a_card_has_the_motors_and_stays_a_policy_card(
     name: str, cards: Path, example: dict[str, Any]
 ):
@@ -109,7 +110,7 @@ def test_motors_are_those_of_unitrees_examples():
     ]
 
 
-@pytest.mark.parametrize("name", list(GAITS))
+@pytest.mark.parametrize("name", WALKERS)
 def test_torques_are_mujocos(name: str):
     robot, rng = get_robot(name), np.random.default_rng(2)
     model, servos = robot.build_model(), Servos(robot)
