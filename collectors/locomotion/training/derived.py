@@ -15,6 +15,7 @@ from ....formats.core.arrays import Array
 from ....formats.core.errors import InputError
 from ...robots import RobotHandles, RobotSpec
 from ..runtime.gait import RATE_HZ, GaitClock
+from .gaits import ON_FOUR_LEGS, ON_TWO_LEGS
 
 G_M_S2 = 9.81
 LIFT = 1.2  # the reference lifts a foot by this much more than it shall rise, because servos lag
@@ -24,18 +25,20 @@ ROUNDS, DAMPING = 20, 1e-4
 POINT_LEG = 3
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Leg:
     """A foot: the body that it is part of, and the joints between it and the base.
 
     Attributes:
         columns: indices of its joints among the robot's.
         place_m: (3,) middle of its soles' lowest points in the default pose, world frame.
+        press_m: (3,) where it presses; a long sole does so below the centre of mass.
     """
 
     body: int
     columns: NDArray[np.intp]
     place_m: Array
+    press_m: Array
 
 
 class Stance:
@@ -73,12 +76,18 @@ class Stance:
         if not len(columns):
             name = self.robot.feet[foot].name
             raise InputError(f"robot {self.robot.name}: no joint of the policy moves foot {name}")
-        return Leg(body, columns, place)
+        press, along = place.copy(), self.data.geom_xpos[soles, 0]
+        press[0] = np.clip(self._center_m[0], along.min(), along.max())
+        return Leg(body, columns, place, press)
 
-    def jacobian(self, leg: Leg) -> Array:
-        """Return (6, J) how all joints move and turn a foot, in the pose at hand."""
+    @property
+    def _center_m(self) -> Array:
+        return self.data.subtree_com[self.handles.root_body]
+
+    def jacobian(self, body: int, place_m: Array) -> Array:
+        """Return (6, J) how all joints move and turn a body at a place, in the pose at hand."""
         move, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
-        mujoco.mj_jac(self.model, self.data, move, turn, leg.place_m, leg.body)
+        mujoco.mj_jac(self.model, self.data, move, turn, place_m, body)
         return np.vstack([move, turn])[:, self.handles.joint_dof]
 
     def reach(self, leg: Leg, shift_m: Array, yaw_rad: float = 0.0) -> Array:
@@ -87,7 +96,7 @@ class Stance:
         A leg of three joints or fewer does not mind how its foot is turned.
         """
         data, joints = self.data, self.handles.joint_qpos[leg.columns]
-        local = self._local(leg.body, leg.place_m)
+        local = data.xmat[leg.body].reshape(3, 3).T @ (leg.place_m - data.xpos[leg.body])
         start = data.xquat[leg.body].copy()
         spin = np.zeros(4)
         mujoco.mju_axisAngle2Quat(spin, np.array([0.0, 0.0, 1.0]), yaw_rad)
@@ -99,7 +108,7 @@ class Stance:
             mujoco.mju_negQuat(back, data.xquat[leg.body])
             mujoco.mju_mulQuat(away, goal, back)
             mujoco.mju_quat2Vel(turn, away, 1.0)
-            jacobian = self.jacobian(Leg(leg.body, leg.columns, now))[:, leg.columns]
+            jacobian = self.jacobian(leg.body, now)[:, leg.columns]
             error = np.concatenate([leg.place_m + shift_m - now, TURN_M * turn])
             jacobian[3:] *= TURN_M
             if len(leg.columns) <= POINT_LEG:
@@ -121,9 +130,6 @@ class Stance:
         both = [self.reach(leg, sign * motion[:3], sign * motion[3]) for sign in (0.5, -0.5)]
         return both[0] - both[1]
 
-    def _local(self, body: int, place_m: Array) -> Array:
-        return self.data.xmat[body].reshape(3, 3).T @ (place_m - self.data.xpos[body])
-
     def sag(self, loads_n: Array) -> Array:
         """Return how much higher (J,) [rad] servos must aim to bear the feet's loads (F,) [N]."""
         torque = self.data.qfrc_bias[self.handles.joint_dof].copy()
@@ -132,20 +138,13 @@ class Stance:
         return torque / self.kp
 
     def push(self, leg: Leg) -> Array:
-        """Return joint torques (J,) [Nm] with which a foot presses down with 1 N.
-
-        A long sole presses where the centre of mass is above it.
-        """
-        soles = self.data.geom_xpos[self.handles.sole_geoms[self.legs.index(leg)], 0]
-        center = float(self.data.subtree_com[self.handles.root_body, 0])
-        place = leg.place_m.copy()
-        place[0] = min(max(center, soles.min()), soles.max())
-        return -self.jacobian(Leg(leg.body, leg.columns, place))[2]
+        """Return joint torques (J,) [Nm] with which a foot presses down with 1 N."""
+        return -self.jacobian(leg.body, leg.press_m)[2]
 
     def loads_n(self) -> Array:
         """Return the feet's loads (F,) [N] that balance the standing robot, as even as possible."""
         place = np.array([leg.place_m for leg in self.legs])
-        center = self.data.subtree_com[self.handles.root_body]
+        center = self._center_m
         rows = np.vstack([np.ones(len(place)), place[:, 0], place[:, 1]])
         weight = self.robot.mass_kg * G_M_S2
         loads, *_ = np.linalg.lstsq(rows, weight * np.array([1.0, *center[:2]]), rcond=None)
@@ -171,7 +170,6 @@ def derived_gait(robot: RobotSpec) -> GaitClock:
     # start of its swing it is as far behind.
     back = -0.25 / rhythm.frequency_hz
     x, y, yaw = np.eye(4)[[0, 1, 3]] * back
-    quadruped = len(legs) > 2
     lag_s = np.mean([joint.kd / joint.kp for joint in robot.joints[: robot.policy_joints]])
     turns = [stance.slope(leg, yaw) for leg in legs if len(leg.columns) > POINT_LEG]
     return GaitClock(
@@ -188,10 +186,7 @@ def derived_gait(robot: RobotSpec) -> GaitClock:
         foot_xy_m=tuple((float(leg.place_m[0]), float(leg.place_m[1])) for leg in legs),
         turn_rad=tuple(_row(turn) for turn in turns) if len(turns) == len(legs) else (),
         lead_cycles=float(rhythm.frequency_hz * (lag_s + 1.0 / RATE_HZ)),
-        turn_lead_s=0.0 if quadruped else 0.15,
-        brake_m_s2=4.0 if quadruped else 3.0,
-        brake_rad_s2=6.0 if quadruped else 4.0,
-        last_steps=1 if quadruped else 2,
+        **(ON_TWO_LEGS if len(legs) == 2 else ON_FOUR_LEGS),
     )
 
 

@@ -1,12 +1,23 @@
 """The gait clocks of the robots."""
 
 from collections.abc import Mapping
+from typing import Any
 
 from ...robots.g1.robot import G1
 from ...robots.h1.robot import H1
 from ..runtime.gait import GaitClock
 
 Row = tuple[float, ...]
+
+# How such gaits stop, lead into turns, and catch themselves; see `GaitClock`.
+ON_FOUR_LEGS: dict[str, Any] = {"brake_m_s2": 4.0, "brake_rad_s2": 6.0, "last_steps": 1}
+ON_TWO_LEGS: dict[str, Any] = {
+    "turn_lead_s": 0.15,
+    "brake_m_s2": 3.0,
+    "brake_rad_s2": 4.0,
+    "last_steps": 2,
+    "catch_m_s": 0.25,
+}
 
 
 def _per_leg(hip: float, thigh: float, calf: float) -> tuple[tuple[float, ...], ...]:
@@ -27,9 +38,7 @@ TROT = GaitClock(
     left_rad=_per_leg(-0.38, 0.0, 0.0),
     foot_xy_m=((0.24, 0.134), (0.24, -0.134), (-0.24, 0.134), (-0.24, -0.134)),
     lead_cycles=0.12,
-    brake_m_s2=4.0,
-    brake_rad_s2=6.0,
-    last_steps=1,
+    **ON_FOUR_LEGS,
 )
 
 
@@ -91,11 +100,7 @@ def biped_walk(
         foot_xy_m=((0.0, sole_y_m), (0.0, -sole_y_m)),
         lead_cycles=lead_cycles,
         turn_rad=alike({"hip_yaw": -0.25 / frequency_hz}),
-        turn_lead_s=0.15,
-        brake_m_s2=3.0,
-        brake_rad_s2=4.0,
-        last_steps=2,
-        catch_m_s=0.25,
+        **ON_TWO_LEGS,
     )
 
 
