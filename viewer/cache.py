@@ -2,7 +2,6 @@
 
 import hashlib
 import io
-import os
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -10,16 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.core.atomic import write_bytes
+from ..formats.core.checkout import user_cache
 
 MOST = 16  # files, of some MB each
 
 
 def cached(key: str, make: Callable[[], dict[str, bytes]]) -> dict[str, bytes]:
     """Return what `make` returns, or returned earlier for the same key."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    path = base / "vlnpe" / "viewer" / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    path = user_cache() / "viewer" / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     try:
-        with np.load(path) as stored:
+        with np.load(path, allow_pickle=False) as stored:
             return {name: stored[name].tobytes() for name in stored.files}
     except (OSError, ValueError, zipfile.BadZipFile):  # none yet, or damaged
         made = make()
@@ -39,5 +38,5 @@ def cached(key: str, make: Callable[[], dict[str, bytes]]) -> dict[str, bytes]:
 
 def stamp(folder: Path) -> str:
     """Return what changes when a file in a folder is written again."""
-    files = sorted(p for p in folder.rglob("*.*") if p.is_file() and p.suffix != ".pyc")
+    files = sorted(p for p in folder.rglob("*.*") if p.is_file())
     return repr([(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files])

@@ -2,7 +2,6 @@
 
 import logging
 from dataclasses import dataclass
-from pathlib import Path
 
 import cv2
 import fast_simplification
@@ -14,6 +13,7 @@ from ..formats.core.arrays import F32, U8, Floats, Mask
 from ..formats.core.errors import FileFormatError
 from ..formats.core.frames import quat_to_matrix
 from ..formats.core.geometry import triangle_normals
+from ..formats.core.source import code_digest
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.splats.store import SPLATS_NAME, load_splats
 from .cache import cached, stamp
@@ -98,7 +98,7 @@ def add_scene(
         grid = bundle.freemap(0).grid
         return SceneNodes((node,), (none,), 0, 0, grid.columns * grid.cell_m)
     if mesh is None:
-        key = repr((detail, COARSE, stamp(bundle.root.resolve()), stamp(Path(__file__).parent)))
+        key = repr((detail, COARSE, stamp(bundle.root.resolve()), code_digest(__name__)))
         parts = cached(key, lambda: _both(bundle, detail))
     else:
         parts = _parts(bundle, mesh, detail)

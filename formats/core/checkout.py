@@ -1,5 +1,6 @@
-"""The checkout that vlnpe runs from, and the commands that complete its environment."""
+"""The checkout that vlnpe runs from, the commands that complete its environment, its cache."""
 
+import os
 import shlex
 import shutil
 import sys
@@ -7,6 +8,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 CHECKOUT = Path(__file__).resolve().parents[2]  # or site-packages/vlnpe, where it was installed
+
+
+def user_cache() -> Path:
+    """Return the folder of what vlnpe keeps between runs for a user; it need not exist."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "vlnpe"
 
 
 def setup_command(extras: Sequence[str] = ()) -> str:

@@ -5,6 +5,7 @@ import os
 import re
 from pathlib import Path
 
+from ...formats.core.checkout import user_cache
 from ...formats.core.errors import InputError, brief
 from ..engine.run_folder import safe_name
 
@@ -38,8 +39,7 @@ def scratch_folder(url: str) -> Path:
 
     It lies in the folder that `VLNPE_SCRATCH` names, by default in the user's cache.
     """
-    cache = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     base = os.environ.get(SCRATCH_VARIABLE)
-    folder = Path(base) if base else cache / "vlnpe" / "scratch"
+    folder = Path(base) if base else user_cache() / "scratch"
     digest = hashlib.sha256(url.encode()).hexdigest()[:12]
     return folder.absolute() / digest / safe_name(url.rsplit("/", 1)[-1])
