@@ -7,7 +7,6 @@ import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.geometry import arc_length, resample
-from .facts.doors import DOOR
 from .facts.level import LevelFacts
 from .facts.records import PathFacts
 from .language.nouns import spoken
@@ -74,7 +73,7 @@ def show_path(episode: Episode, facts: PathFacts, level: LevelFacts) -> str:
                 break
     legend = ["S start", "* path", "G goal", f"{WALL} wall"]
     knots = arc_length(points)
-    marks = [m for m in facts.landmarks if m.nameable and m.distance_m < 2.5 and m.noun != DOOR]
+    marks = [m for m in facts.landmarks if m.nameable and m.distance_m < 2.5]
     for letter, mark in zip("abcdefghijklmnopqrstuvwxyz", marks, strict=False):
         k = int(np.argmin(np.abs(knots - mark.along_m)))
         ahead = points[min(k + 4, len(points) - 1)] - points[max(k - 4, 0)]

@@ -9,6 +9,7 @@ ways in which they can be read.
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 
 from ..language.claims import Claim, Step
 from ..language.clauses import verb_at
@@ -16,7 +17,7 @@ from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
 from ..language.phrases import read_phrase
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize
-from ..language.words import NEGATIONS, ORDINALS, UNITS_M, VERB_OF, is_known, number_of
+from ..language.words import NEGATIONS, OPENINGS, ORDINALS, UNITS_M, VERB_OF, is_known, number_of
 
 # Which claims account for a verb.
 _VERBS = {
@@ -25,9 +26,40 @@ _VERBS = {
     "leave": {"leave", "door"},
     "pass": {"pass", "see"},
 }
+_WAYS = ("walk", "in", "door", "leave", "enter")
+_DOORS = frozenset(["door", "doors", "doorway", "doorways", "doorframe"])
 _TWICE = ("twice", "two", "double")
 _BEFORE_NOUN = ("a", "the", "your", "its", "far", "other", "very", "to", "without", "dead")
 _OTHER_ORDER = ("before", "after", "UNTIL", "from", "behind")  # words that turn the order around
+
+
+def as_worded(step: Step) -> Step:
+    """Return a step with what its words, but not its claims, say of the place of a claim.
+
+    "Straight on" is ahead, "an opening" need not be a doorway, what is passed behind the walker or
+    after the stop is only seen.
+    """
+    words = {token.text for token in tokenize(step.words)}
+    straight = [c for part in next(readings(step.words)) for c in part.claims if c.side == "ahead"]
+    passes = any(VERB_OF.get(word) == "pass" for word in words)
+    claims: list[Claim] = []
+    for claim in step.claims:
+        stopped = claim.side and not passes and any(c.kind == "stop" for c in claims)
+        if claim.kind == "pass" and (claim.side in ("ahead", "behind") or stopped):
+            claim = replace(claim, kind="see")
+        if claim.what == "door":
+            claim = replace(
+                claim, name="opening" if words & OPENINGS and not words & _DOORS else ""
+            )
+        same = (c for c in straight if (c.kind, c.what) == (claim.kind, claim.what))
+        if (
+            claim.kind in _WAYS
+            and not claim.side
+            and any(_covers(c.name, claim.name) for c in same)
+        ):
+            claim = replace(claim, side="ahead")
+        claims.append(claim)
+    return replace(step, claims=tuple(claims))
 
 
 def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str]]:
@@ -66,12 +98,14 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
     """Return the words that no claim says."""
     if not step.claims:
         return [f"{step.words!r:.60} claims nothing"]
-    problems = []
     kinds = {c.kind for c in step.claims}
     sides = {c.side for c in step.claims}
     numbers = {float(n) for c in step.claims for n in (c.count, c.ordinal, c.metres) if n}
     names = [n for c in step.claims for n in (c.name, c.room) if n]
     doors = any(c.what in ("door", "room") for c in step.claims)
+    words = {token.text for token in tokens}
+    problems = [f"no word says {side}" for side in ("left", "right")
+                if side in sides and side not in words]  # fmt: skip
     for k, token in enumerate(tokens):
         word = token.text
         kind = "" if verb_at(tokens, k) or word in UNITS_M else noun_kind(word)
@@ -110,7 +144,8 @@ def _unsaid(step: Step, nouns: Sequence[str]) -> list[str]:
 
     Which room is left or holds a thing need not be said: the facts are asked.
     """
-    names = dict.fromkeys(c.name for c in step.claims if c.name and c.kind != "leave")
+    said = (c for c in step.claims if c.kind != "leave" and c.what != "door")
+    names = dict.fromkeys(c.name for c in said if c.name)
     return [f"no word says {n}" for n in names if not any(_covers(n, word) for word in nouns)]
 
 
@@ -132,13 +167,17 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     if (len(told) == len(meant) and told != meant) or unsaid:
         way = ", ".join(told) or "nowhere"
         problems.append(f"the words turn {way}, the claims {', '.join(meant)}")
-    stops, ends = ([c for c in row if c.kind == "stop" and c.name]
+    stops, ends = ([c for c in row if c.kind == "stop" and c.name and c.what != "door"]
                    for row in (claims, step.claims))  # fmt: skip
     for stop in stops:
         if ends and not any(_ends(own, stop) for own in step.claims):
             problems.append(f"no claim stops at the {stop.name}")
     told, meant = (
-        [singular(c.name or c.room) for c in row if c.kind == "pass" and c.what != "room"]
+        [
+            singular(c.room if c.what == "door" else c.name)
+            for c in row
+            if c.kind == "pass" and c.what != "room"
+        ]
         for row in (claims, step.claims)
     )
     other = set(words) & set(_OTHER_ORDER)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ..language.claims import Step
 from ..language.reader import readings
 from ..language.words import is_known
-from .accounting import accounting_problems
+from .accounting import accounting_problems, as_worded
 from .form import form_problems
 from .ground import Ground
 from .order import check_order
@@ -46,7 +46,8 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
     if problems:
         return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
     if steps:
-        return _judged(text, tuple(steps), ground, accounting_problems(steps, text))
+        steps = tuple(as_worded(step) for step in steps)
+        return _judged(text, steps, ground, accounting_problems(steps, text))
     verdicts = []
     for read in readings(text):
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]

@@ -5,13 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..facts.doors import DOOR
+from ..facts.doors import DOOR, OPENING
 from ..facts.records import PassageFact
 from ..language.claims import Claim
-from .things import BESIDE_M, THROUGH_M, Mask, Place, Things, spoken_side
+from .things import BESIDE_M, PASS_M, THROUGH_M, Mask, Place, Things, spoken_side
 
 _DOOR_M = 0.9  # around the middle of a passage
-_DOOR_SIDE_DEG = 10.0
+_DOOR_SIDE_DEG, _AHEAD_DEG = 10.0, 60.0
 _DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 
 
@@ -30,11 +30,11 @@ class Ground(Things):
         """Return where the path goes through a doorway with the side, room and number said."""
         names = self.rooms(claim.room)
         mask = np.zeros(len(self.along_m), dtype=bool)
-        rooms = [p for p in self.facts.passages if not names or names & {p.from_room, p.to_room}]
+        doors = [p for p in self.facts.passages if p.doorway or claim.name]
+        rooms = [p for p in doors if not names or names & {p.from_room, p.to_room}]
         if claim.room and not rooms and not names & set(self.facts.goal_rooms):
             return mask, f"the path does not go through the door of the {claim.room}"
-        sided = [p for p in rooms if claim.side not in ("left", "right", "behind")
-                 or self.door_side(p, claim.side)]  # fmt: skip
+        sided = [p for p in rooms if not claim.side or self.door_side(p, claim.side)]
         ends = self.facts.goal_rooms and (not names or names & set(self.facts.goal_rooms))
         if not sided and not ends and (rooms or claim.side):
             return mask, f"no doorway on the path is {spoken_side(claim.side)}"
@@ -52,6 +52,24 @@ class Ground(Things):
             mask = np.any([self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
                            for p in counted], axis=0)  # fmt: skip
         return mask, "" if mask.any() else "the path goes through no doorway"
+
+    def out_of(self, name: str) -> Mask:
+        """Return the places where the path leaves a room, or may be on its border."""
+        names, last = self.rooms(name), self.facts.visits[-1].room
+        mask = self.between(0.0, 1.5)
+        for p in self.facts.passages:
+            if {p.from_room, p.to_room} & {*names, ""}:
+                mask |= self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
+        return mask | (self.between(self.length_m - 1.2, self.length_m) if last in names else False)
+
+    def next_door_m(self, from_m: float) -> float:
+        """Return where the path goes through the next doorway [m]."""
+        doors = (p.along_m for p in self.facts.passages if p.doorway and p.along_m > from_m)
+        return next(doors, np.inf)
+
+    def next_room_m(self, from_m: float) -> float:
+        """Return where the path enters the next room [m]."""
+        return next((p.along_m for p in self.facts.passages if p.along_m > from_m), np.inf)
 
     def _door_numbers(self, passage: PassageFact, side: str) -> set[int]:
         """Return the numbers of a doorway among those of the room that is left, −1 for the last.
@@ -85,7 +103,7 @@ class Ground(Things):
         names = self.rooms(claim.name)
         mask = np.zeros(len(self.along_m), dtype=bool)
         found = [p for p in self.facts.passages if not claim.name or room(p) in names]
-        if claim.side in ("left", "right"):
+        if claim.side in ("left", "right", "ahead"):
             sided = [p for p in found if self.door_side(p, claim.side)]
             if found and not sided:
                 return mask, f"the {claim.name or 'doorway'} is not {spoken_side(claim.side)}"
@@ -117,16 +135,16 @@ class Ground(Things):
     def room_in_view(self, claim: Claim) -> Place:
         """Return where a room may be seen, on the side said."""
         names = self.rooms(claim.name)
-        everywhere = np.ones(len(self.along_m), dtype=bool)
         if not names & {*self.facts.level_rooms, *(v.room for v in self.facts.visits)}:
-            return ~everywhere, f"there is no {claim.name}"
-        if claim.side not in ("left", "right"):
-            return everywhere, ""
-        mask = self._room_side(names, claim.side)
-        other = self._room_side(names, "right" if claim.side == "left" else "left")
-        if not mask.any() and not other.any():
-            return everywhere, ""  # nothing says where its door is
-        return mask, "" if mask.any() else f"the {claim.name} is not {spoken_side(claim.side)}"
+            return np.zeros(len(self.along_m), dtype=bool), f"there is no {claim.name}"
+        if claim.side in ("left", "right"):
+            mask, fault = self._room_side(names, claim.side), f"is not {spoken_side(claim.side)}"
+        else:
+            rows = [n for n, m in enumerate(self.facts.landmarks)
+                    if names & {m.room, *m.leads}]  # fmt: skip
+            ahead = self.seen[rows] & (np.abs(self.bearing[rows]) <= 125.0)
+            mask, fault = self.inside(claim)[0] | ahead.any(axis=0), "is not in view"
+        return mask, "" if mask.any() else f"the {claim.name} {fault}"
 
     def _room_side(self, names: frozenset[str], side: str) -> Mask:
         """Return where a room is on a side, as its doors say, or what is seen in it."""
@@ -137,10 +155,8 @@ class Ground(Things):
                 known = True
                 if self.door_side(p, side):
                     mask |= self.between(p.along_m - 4.0, p.along_m + 0.5)
-        marks = list(enumerate(self.facts.landmarks))
-        doors = [n for n, m in marks if m.noun == DOOR and names & set(m.leads)
-                 and self.near_m[n].min() > THROUGH_M]  # fmt: skip
-        within = [n for n, m in marks if m.noun != DOOR and m.room in names]
+        doors = [n for n in self._openings(names) if self.near_m[n].min() > THROUGH_M]
+        within = [n for n, m in enumerate(self.facts.landmarks) if not m.leads and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
             off = np.abs(self.bearing[rows])
             far_m = np.where((off >= 25.0) & (off <= 125.0), self.near_m[rows], np.inf)
@@ -153,17 +169,26 @@ class Ground(Things):
 
     def room_passed(self, claim: Claim) -> Place:
         """Return where a room lies beside the path, entered or not."""
-        names = self.rooms(claim.name)
-        mask, _ = self.inside(claim)
-        for v in self.facts.visits:
-            if names & set(v.beyond):
-                mask = mask | self.between(v.from_m, v.to_m)
-        if not mask.any():
-            return mask, f"the path does not come by the {claim.name}"
+        rows = self._openings(self.rooms(claim.name))
+        off = np.abs(self.bearing[rows])
+        beside = (
+            self._nearest()[rows] & (self.near_m[rows] <= PASS_M) & (off >= 30.0) & (off <= 150.0)
+        )
+        inside, _ = self.inside(claim)
+        if not (inside | beside.any(axis=0)).any():
+            return inside, f"the path does not come by the {claim.name}"
         if claim.side not in ("left", "right"):
-            return mask, ""
-        seen, fault = self.room_in_view(claim)
-        return mask & seen, fault
+            return inside | beside.any(axis=0), ""
+        beside &= self.sided(rows, claim.side)
+        beside &= self.near_m[rows].min(axis=1, keepdims=True) > THROUGH_M
+        mask, seen = beside.any(axis=0), self._room_side(self.rooms(claim.name), claim.side)
+        mask = mask | (inside & seen)
+        return mask, "" if mask.any() else f"the {claim.name} is not {spoken_side(claim.side)}"
+
+    def _openings(self, names: frozenset[str]) -> list[int]:
+        """Return the doorways and openings that lead to a room."""
+        marks = enumerate(self.facts.landmarks)
+        return [n for n, m in marks if m.noun in (DOOR, OPENING) and names & set(m.leads)]
 
     def stopped_in(self, claim: Claim) -> str:
         """Return why the path does not stop in, outside or in the doorway of a room."""
@@ -185,8 +210,8 @@ class Ground(Things):
         """Return why the path does not stop at or in a doorway."""
         facts, names = self.facts, self.rooms(claim.room)
         reach = 1.3 if claim.place == "doorway" else 2.2
-        doors = [m for m in facts.landmarks if m.noun == DOOR and m.goal_distance_m <= reach
-                 and (not names or names & set(m.leads))]  # fmt: skip
+        meant = (facts.landmarks[n] for n in self.meant(claim))
+        doors = [m for m in meant if m.goal_distance_m <= reach]
         last = facts.passages[-1] if facts.passages else None
         since = self.length_m - last.along_m if last else np.inf
         if not doors and since > reach:
@@ -207,6 +232,11 @@ class Ground(Things):
         if side == "behind":  # where the walk begins
             turned = any(abs(t.angle_deg) >= 90.0 for t in self.facts.turns if t.along_m < 1.0)
             return turned and passage is self.facts.passages[0]
+        if side == "ahead":
+            near = (
+                t.angle_deg for t in self.facts.turns if -1.5 <= t.along_m - passage.along_m < 0.5
+            )
+            return abs(sum(near)) < _AHEAD_DEG
         sign = 1 if side == "left" else -1
         aside = abs(passage.bearing_deg) > 18.0
         into = [t for t in self.facts.turns if abs(t.angle_deg) >= 45.0

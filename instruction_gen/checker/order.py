@@ -18,8 +18,8 @@ States = dict[int, Mask]
 
 _EARLY_M = 1.0  # a claim about a place already holds so far before it
 _ORDER_M = 1.0  # things this near to each other may be passed in either order
-_SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 1.0, "enter": 1.0, "leave": 1.0,
-            "door": 1.2}  # fmt: skip
+_SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 0.4, "enter": 0.4, "leave": 0.4,
+            "door": 0.4}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ class _Walk:
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
         self.ground, self.claims, self.owners = ground, claims, owners
         self.room: tuple[int, Claim, Mask] | None = None  # the last room that was entered
+        self.within = ""  # the room that the text is in
         self.inside = ("", -np.inf)  # the last room that is walked in, and from where [m]
         self.along, self.turns = ground.along_m, Turns(ground, claims)
         start = np.zeros(len(self.along), dtype=bool)
@@ -133,11 +134,28 @@ class _Walk:
             mask, reason = mask | more, reason and fault
         if reason:
             return reason
+        before = self.claims[self.index - 1] if self.index else claim
+        if claim.kind == "enter" and before.kind == "door" and self._one_step():
+            # "Through the door into the kitchen" enters no other room between.
+            through = np.any(list(self.states.values()), axis=0)
+            mask = mask & spread(through, self.along, 0.3)
+            if not mask.any():
+                return f"the {claim.text} is not behind that doorway"
+        if claim.kind in ("in", "leave") and claim.name and self._starts_outside(claim):
+            return f"the path does not start in the {claim.name}"
+        if claim.kind in ("enter", "door") and self.within:
+            mask = mask & self.ground.out_of(self.within)
+            if not mask.any():
+                return f"one does not come to the {claim.text} from the {self.within}"
+        if claim.what in ("door", "room"):
+            self.within = (
+                claim.name if claim.kind in ("enter", "in") and claim.what == "room" else ""
+            )
         if claim.kind == "see" and any(c.kind == "stop" for c in self.claims[: self.index]):
             mask = mask & (self.along >= self.ground.length_m - 1.0)
             if not mask.any():
                 return f"the {claim.text or 'doorway'} is not in view where the path ends"
-        self.last = [mask]
+        self.last = [mask] if claim.kind in ("pass", "see") else []
         owner = self.owners[self.index]
         if self.room is not None and self.room[0] != owner:
             if (
@@ -168,9 +186,11 @@ class _Walk:
             if not mask.any():
                 return f"the {claim.name} comes earlier on the path than the text says"
         slack, still = _SLACK_M[claim.kind], claim.kind == "see" or claim.kind == "pass"
+        turned = before.kind == "turn" and claim.kind in ("enter", "door")
+        slack = 0.0 if turned else slack
         states = self.states
         if self.tight is not None and claim.kind in ("door", "enter", "leave"):
-            near = {k: spread(m, self.along, 0.3) for k, m in self.tight.items()}
+            near = {k: spread(m, self.along, 0.1) for k, m in self.tight.items()}
             onward = {k: m for k, m in near.items() if (m & ~spread(~mask, self.along, 0.4)).any()}
             # "Walk nine metres, out of the room and down the hall."
             if not onward and (owner != self.paced or all(
@@ -180,9 +200,16 @@ class _Walk:
             states = onward or states
             self.tight = None
         result: States = {}
+        ground = self.ground
         for made, here in states.items():
             first = float(self.along[np.argmax(here)])
             reach = mask & (self.along >= first - slack) & (self.along <= self._limit(made, first))
+            if claim.kind == "door" and not (claim.side or claim.room or claim.ordinal):
+                reach &= self.along <= ground.next_door_m(first + 1.0) + 0.9
+            if turned and self._one_step():  # "left into the kitchen" goes through no other room
+                next_m = ground.next_room_m(first - 1.3)
+                next_m = ground.next_room_m(next_m) if next_m < first + 0.2 else next_m
+                reach &= self.along <= next_m + 0.9
             if not reach.any():
                 continue
             ahead = reach & (self.along >= first - 0.3)
@@ -201,6 +228,19 @@ class _Walk:
                 self.room = (owner, claim, entered) if entered.any() else self.room
             return ""
         return self._missing(claim, mask)
+
+    def _starts_outside(self, claim: Claim) -> bool:
+        """Return whether a text is in a room that it has neither started in nor moved to."""
+        facts, before = self.ground.facts, self.claims[: self.index]
+        moved = any(c.kind in ("enter", "door", "leave", "in", "turn", "reach") for c in before)
+        rooms = {facts.visits[0].room, *facts.start_rooms}
+        return (
+            not moved and bool(facts.visits[0].room) and not rooms & self.ground.rooms(claim.name)
+        )
+
+    def _one_step(self) -> bool:
+        """Return whether a claim and the one before belong to one step."""
+        return self.index > 0 and self.owners[self.index - 1] == self.owners[self.index]
 
     def _doors_passed(self) -> int:
         """Return how many doorways of the room the text has passed."""
@@ -238,12 +278,13 @@ class _Walk:
         d = claim.metres
         if not d and not claim.vague:  # to walk on
             return ""
-        low, high = (0.2, max(6.0, 2 * d)) if claim.vague else (0.75 * d - 0.4, 1.3 * d + 0.7)
+        low, high = (0.2, max(4.5, 2 * d)) if claim.vague else (0.8 * d - 0.3, 1.25 * d + 0.4)
         result: States = {}
         for made, here in self.states.items():
             far = np.zeros_like(here)
-            core = spread(~here, self.along, 0.4)  # the state reaches beyond a door on both sides
-            for at in self.along[here & ~core if (here & ~core).any() else here]:
+            # The state reaches beyond a door on both sides.
+            cores = (here & ~spread(~here, self.along, by_m) for by_m in (0.8, 0.4))
+            for at in self.along[next((core for core in cores if core.any()), here)]:
                 far |= self.ground.between(at + low, at + high)
             far &= self.along <= self._limit(made, float(self.along[np.argmax(here)]))
             if far.any():
@@ -270,23 +311,24 @@ class _Walk:
             reason = ground.stopped_at(claim) if claim.what == "thing" else ""
         if reason := reason or self._elsewhere(claim):
             return reason
-        end = ground.between(ground.length_m - 0.5, ground.length_m)
+        end = ground.between(ground.length_m - 0.3, ground.length_m)
         if self.tight is not None and not any(
-            (spread(m, self.along, 0.8) & end).any() for m in self.tight.values()
+            (spread(m, self.along, 0.4) & end).any() for m in self.tight.values()
         ):
             return "the path goes on farther than the distance before the stop"
         if self.tight is not None:
             self.tight = None
             return ""
         named = [*self.states.values(), *self.last]
-        if not claim.what and not any((spread(m, self.along, 3.0) & end).any() for m in named):
+        if not claim.what and not any((spread(m, self.along, 2.2) & end).any() for m in named):
             return "the path goes on farther than what is named before the stop"
         return ""
 
     def _elsewhere(self, claim: Claim) -> str:
         """Return why a thing to stop at must be one in a room that the path only goes through."""
         since = min(int(np.median(np.flatnonzero(here))) for here in self.states.values())
-        if claim.what == "thing" and not claim.room and self.ground.met_before_end(claim, since):
+        told = claim.room or any(c.kind == "stop" and c.what == "room" for c in self.claims)
+        if claim.what == "thing" and not told and self.ground.met_before_end(claim, since):
             return f"the first {claim.name} on the way is not where the path ends"
         return ""
 

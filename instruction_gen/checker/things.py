@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..facts.doors import DOOR
+from ..facts.doors import DOOR, OPENING
 from ..facts.geometry import MOMENT_M
 from ..facts.records import PathFacts
 from ..language.claims import Claim
@@ -208,7 +208,8 @@ class Things:
         marks = list(enumerate(self.facts.landmarks))
         if claim.what == "door":
             names = self.rooms(claim.room)
-            return [n for n, m in marks if m.noun == DOOR and (not names or names & set(m.leads))]
+            nouns = (DOOR, OPENING) if claim.name else (DOOR,)
+            return [n for n, m in marks if m.noun in nouns and (not names or names & set(m.leads))]
         found = [n for n, m in marks if called(m.noun, claim.name)]
         head, _, kind = claim.name.rpartition(" ")
         if not found and head and self.rooms(head):
@@ -236,7 +237,7 @@ class Things:
         if side == "ahead":
             return np.minimum(np.abs(facing), np.abs(bearing)) <= 50.0
         if side == "behind":
-            return np.maximum(np.abs(facing), np.abs(bearing)) >= 75.0
+            return np.maximum(np.abs(facing), np.abs(bearing)) >= 105.0
         sign = 1 if side == "left" else -1
         low, high = _SIDE_DEG
         beside = (sign * bearing > low) & (sign * bearing < high)

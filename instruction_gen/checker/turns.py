@@ -11,8 +11,8 @@ from .things import Mask
 
 CLEAR_DEG = 62.0  # a turn of this much is claimed, or led to by what is named next
 _BEND_DEG, _WEAVE_DEG = 28.0, 35.0
-_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 55.0, 125.0
-_MERGED_DEG, _MOST_DEG = 160.0, 200.0  # of several bends and of one that are `turn left`
+_GENTLE_DEG, _SHARP_DEG, _AROUND_DEG = 76.0, 70.0, 125.0
+_MERGED_DEG, _MOST_DEG = 130.0, 200.0  # of several bends and of one that are `turn left`
 _ONE_BEND_M, _TWICE_DEG = 2.2, 95.0
 _DONE_M = 0.4  # a walker looks along the new way so far behind a turn
 _WAYS = ("walk", "in", "door", "leave", "enter")
@@ -71,19 +71,19 @@ class Turns:
         for k in range(made, len(self.turns)):
             if self.turns[k].along_m > limit or self._skips(made, k, here, claim):
                 break
-            for end in self._bends(k, claim):
+            for end in self._bends(k, claim, index):
                 last = self.turns[end - 1].along_m
-                around = ground.between(self.turns[k].along_m - 1.2, last + 1.2)
+                around = ground.between(self.turns[k].along_m - 0.4, last + 0.4)
                 if last < from_m or (tight is not None and not (tight & around).any()):
                     continue
                 at = ground.between(self.turns[k].along_m + _DONE_M, last + 0.6)
                 result[end] = result.get(end, np.zeros_like(at)) | at
-        still = self._again(made, here, claim) | self._slight(made, here, claim, index)
+        still = self._again(made, here, claim) | self._slight(made, here, claim, index, tight)
         if still.any():
             result[made] = result.get(made, still) | still
         return result
 
-    def _slight(self, made: int, here: Mask, claim: Claim, index: int) -> Mask:
+    def _slight(self, made: int, here: Mask, claim: Claim, index: int, tight: Mask | None) -> Mask:
         """Return where a bend may be too slight for the facts.
 
         It may not where fewer turns to the other side are claimed from here on than the path makes:
@@ -94,29 +94,38 @@ class Turns:
         later = [c for c in self.claims[index:] if c.kind == "turn" and c.side != claim.side]
         if claim.degree != "slight" or len(left) > len(later):
             return np.zeros_like(here)
+        first_m, here = float(self.along[np.argmax(here)]), here if tight is None else tight
         last_m = float(self.along[here][-1])
+        if any(t.side == claim.side and first_m - 0.5 <= t.along_m <= last_m + _ONE_BEND_M
+               for t in self.turns[made:]):  # fmt: skip
+            return np.zeros_like(here)  # it is that one
         result = here | self.ground.between(last_m, last_m + 2.5)
         for turn in others:
             result &= ~self.ground.between(turn.along_m - 2.0, turn.along_m + 2.0)
         return result
 
     def _skips(self, made: int, k: int, here: Mask, claim: Claim) -> bool:
-        """Return whether an unclaimed clear turn to the other side lies before turn `k`."""
-        last_m = float(self.along[here][-1])
+        """Return whether a turn to the other side, clear or larger, is left out before turn `k`."""
+        last_m, own = float(self.along[here][-1]), self.turns[k]
+        own_deg = abs(own.angle_deg) if own.side == claim.side else CLEAR_DEG
+        least_deg = min(CLEAR_DEG, max(own_deg, _WEAVE_DEG))
         return any(
-            t.side != claim.side and abs(t.angle_deg) >= CLEAR_DEG and t.along_m > last_m - 1.0
+            t.side != claim.side and abs(t.angle_deg) >= least_deg and t.along_m > last_m - 1.0
             for t in self.turns[made:k]
         )
 
     def _again(self, made: int, here: Mask, claim: Claim) -> Mask:
         """Return where one wide bend may be told as two turns to the same side."""
         if made and self.turns[made - 1].side == claim.side:
-            turn = self.turns[made - 1]
-            if abs(turn.angle_deg) >= _TWICE_DEG:
+            turn, onward = self.turns[made - 1], self.turns[made : made + 1]
+            more = [
+                t for t in onward if t.side == turn.side and t.along_m <= turn.along_m + _ONE_BEND_M
+            ]
+            if abs(turn.angle_deg) >= _TWICE_DEG and not more:
                 return here & self.ground.between(turn.along_m - 0.3, turn.along_m + _ONE_BEND_M)
         return np.zeros_like(here)
 
-    def _bends(self, k: int, claim: Claim) -> list[int]:
+    def _bends(self, k: int, claim: Claim, index: int) -> list[int]:
         """Return how many turns are made after a claimed turn that begins with turn `k`."""
         result, total, first = [], 0.0, self.turns[k]
         for j in range(k, len(self.turns)):
@@ -127,7 +136,8 @@ class Turns:
             total += abs(turn.angle_deg)
             most_deg = _MOST_DEG if j == k else _MERGED_DEG
             other = j > k and claim.side not in (first.side, "around")
-            if self._weaves(j, total) and claim.degree != "slight":
+            told = any(c.kind == "turn" and c.side != claim.side for c in self.claims[index:])
+            if self._weaves(j, total) and not (claim.degree == "slight" and told):
                 continue
             if not other and _is(claim, first.side, total, most_deg):
                 result.append(j + 1)
@@ -140,7 +150,7 @@ class Turns:
             degrees < _WEAVE_DEG
             and after is not None
             and after.side != self.turns[k].side
-            and abs(after.angle_deg) >= CLEAR_DEG
+            and abs(after.angle_deg) >= max(_WEAVE_DEG, 1.5 * degrees)
             and after.along_m - self.turns[k].along_m <= _ONE_BEND_M
         )
 
@@ -151,7 +161,7 @@ class Turns:
         first = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
         if abs(turn.angle_deg) < CLEAR_DEG or first or last:
             return -1
-        doors = [p for p in ground.facts.passages if -1.6 <= p.along_m - turn.along_m <= 2.6]
+        doors = [p for p in ground.facts.passages if -0.6 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
         straight = False  # what is named on a way that is called straight leads around no turn
         for index, claim in enumerate(self.claims):
@@ -190,14 +200,15 @@ def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:
         return degrees >= 165.0
     if claim.degree == "slight":
         return degrees <= _GENTLE_DEG
-    return degrees >= _SHARP_DEG if claim.degree == "sharp" else degrees <= most_deg
+    return degrees >= _SHARP_DEG if claim.degree == "sharp" else _BEND_DEG <= degrees <= most_deg
 
 
 def _goes(ground: Ground, claim: Claim, from_room: str, to_room: str) -> bool:
     """Return whether a claim goes through an opening between two rooms."""
-    if claim.kind in ("door", "enter", "leave") and not (claim.room or claim.name):
+    name = claim.room if claim.what == "door" else claim.name
+    if claim.kind in ("door", "enter", "leave") and not name:
         return True
     if claim.kind not in ("enter", "leave", "in", "stop", "door"):
         return False
-    names = ground.rooms(claim.room if claim.what == "door" else claim.name)
+    names = ground.rooms(name)
     return to_room in names or (claim.kind == "leave" and from_room in names)

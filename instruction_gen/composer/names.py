@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts
 from ..language.lexicon import OBJECT_PHRASES
 from ..language.nouns import answers, called, spoken
@@ -64,7 +63,7 @@ class Names:
         """
         options = []
         for mark in self.facts.landmarks:
-            if mark.noun in self.nouns or mark.noun == DOOR:
+            if mark.noun in self.nouns:
                 continue
             if (distance_m := near(mark)) is not None:
                 reference = self.refer(mark, distance_m, at_goal=at_goal)

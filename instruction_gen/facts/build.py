@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length
 from ...formats.scene.visibility import Visibility
-from ...wayfinding.crossings import DOORWAY_M, Crossing, crossings
+from ...wayfinding.crossings import Crossing, crossings
 from .actions import find_turns
-from .doors import DOOR
+from .doors import DOOR, OPENING
 from .geometry import Track, track_of
 from .landmarks import PLAIN, landmarks_of
 from .level import LevelFacts
@@ -56,7 +56,7 @@ def path_facts(
         passages=passages,
         visits=visits,
         landmarks=landmarks,
-        level_nouns=tuple(sorted({n for n in shared.nouns if n != DOOR})),
+        level_nouns=tuple(sorted({*shared.nouns} - {DOOR, OPENING})),
         level_rooms=tuple(sorted({n for n in shared.names if n})),
         start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
         goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
@@ -109,11 +109,20 @@ def _passages(
         alike = max(0, visit.beyond.count(to_room) - 1) if to_room else 0
         result.append(
             PassageFact(
-                round(c.along_m, 2), shared.names[c.from_region], to_room, c.width_m <= DOORWAY_M,
+                round(c.along_m, 2), shared.names[c.from_region], to_room, _is_doorway(shared, c),
                 bearing, side, place, alike, _thing_at(shared, c),
             )
         )  # fmt: skip
     return tuple(result)
+
+
+def _is_doorway(shared: LevelFacts, crossing: Crossing) -> bool:
+    """Return whether a step into another room goes through a doorway, not a wider opening."""
+    rooms, at = {crossing.from_region, crossing.to_region}, crossing.position_xy_m
+    near = [(not rooms.issubset(o.rooms),
+             float(np.linalg.norm(np.clip(at, o.low_m, o.high_m) - at)), o.noun)
+            for o in shared.openings]  # fmt: skip
+    return min(near, default=(True, 0.0, OPENING))[2] == DOOR
 
 
 def _place_in_row(
@@ -139,7 +148,7 @@ def _thing_at(shared: LevelFacts, crossing: Crossing) -> str:
         noun = shared.nouns[n]
         if far_m[n] > _AT_DOOR_M:
             break
-        if inside[n] and noun != DOOR and noun not in PLAIN and nouns.count(noun) == 1:
+        if inside[n] and noun not in PLAIN and nouns.count(noun) == 1:
             return noun
     return ""
 
@@ -163,9 +172,9 @@ def _visit(
 ) -> VisitFact:
     if region < 0:
         return VisitFact("", from_m, to_m)
-    name, openings = shared.names[region], shared.openings[region]
-    beyond = tuple(sorted(room for rooms in openings for room in rooms))
+    name, openings = shared.names[region], [o for o in shared.openings if region in o.rooms]
+    beyond = tuple(sorted(shared.names[k] for o in openings for k in o.rooms if k != region))
     twins = [k for k, n in enumerate(shared.names) if n == name and k != region and n]
-    own = inside[region].difference(*(inside[k] for k in twins)) - PLAIN - {DOOR}
+    own = inside[region].difference(*(inside[k] for k in twins)) - PLAIN
     thing = min(own, key=lambda noun: (shared.nouns.count(noun), noun), default="")
     return VisitFact(name, from_m, to_m, len(openings), beyond, len(twins), thing if twins else "")

@@ -1,6 +1,7 @@
-"""The doorways of a level, from where its rooms meet."""
+"""The openings between the rooms of a level, and which of them are doorways."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,81 +9,75 @@ from scipy.ndimage import binary_dilation
 from skimage.measure import label
 
 from ...formats.scene.bundle import LabeledObject
-from ...wayfinding.crossings import DOORWAY_M
 from ...wayfinding.regions import RegionMap
+from ..language.nouns import noun_of
 
-DOOR = "doorway"
-_JOIN_CELLS = 3
+DOOR, OPENING = "doorway", "opening"
+_DOOR_M = 1.6  # a wider opening without a door leaf is no doorway
+_JOIN_CELLS, _LEAST_CELLS = 3, 3
+_LEAF_M = 0.3  # a leaf hangs this near to its opening
+Array = NDArray[np.float64]
 
 
-def doorways(regions: RegionMap, level: int, floor_z_m: float) -> list[LabeledObject]:
-    """Return the passages between two rooms that are no wider than a doorway."""
-    border = _borders(regions) & (regions.width_m <= DOORWAY_M)
-    parts = np.asarray(label(_grown(border), connectivity=2))
+@dataclass(frozen=True)
+class Opening:
+    """Where rooms meet; several may meet in one.
+
+    Attributes:
+        rooms: their indices.
+        low_m, high_m: its box (2,) [m].
+        noun: `DOOR` or `OPENING`.
+    """
+
+    rooms: tuple[int, ...]
+    low_m: Array
+    high_m: Array
+    noun: str
+
+
+def find_openings(regions: RegionMap, objects: Sequence[LabeledObject] = ()) -> list[Opening]:
+    """Return the openings of a level; `objects` may be door leaves."""
+    leaves = [(np.array(o.lower_m[:2]), np.array(o.upper_m[:2])) for o in objects
+              if noun_of(o.category) == "door"]  # fmt: skip
+    cells, pairs = _borders(regions)
+    border = np.zeros(regions.region.shape, dtype=bool)
+    border[cells[:, 0], cells[:, 1]] = True
+    parts = np.asarray(label(binary_dilation(border, iterations=_JOIN_CELLS), connectivity=2))
+    part = parts[cells[:, 0], cells[:, 1]]
+    xy_m = regions.grid.center_of(cells)
     result = []
-    for k in range(1, int(parts.max(initial=0)) + 1):
-        cells = np.argwhere(border & (parts == k))
-        if len(cells) < 3:
+    for number in np.unique(part):
+        here = part == number
+        if here.sum() < _LEAST_CELLS:
             continue
-        low, high = regions.grid.center_of(cells).min(0), regions.grid.center_of(cells).max(0)
-        result.append(
-            LabeledObject(
-                f"doorway-{len(result) + 1}",
-                DOOR,
-                (float(low[0]), float(low[1]), floor_z_m),
-                (float(high[0]), float(high[1]), floor_z_m + 2.0),
-                level,
-            )
-        )
+        low, high = xy_m[here].min(0), xy_m[here].max(0)
+        sizes = [np.ptp(xy_m[here & (pairs == pair).all(1)], axis=0)
+                 for pair in np.unique(pairs[here], axis=0)]  # fmt: skip
+        hung = any(((a <= high + _LEAF_M) & (b >= low - _LEAF_M)).all() for a, b in leaves)
+        narrow = max(float(np.hypot(*size)) for size in sizes) <= _DOOR_M
+        rooms = tuple(np.unique(pairs[here]).tolist())
+        result.append(Opening(rooms, low, high, DOOR if narrow or hung else OPENING))
     return result
 
 
-def rooms_met(
-    regions: RegionMap,
-    names: Sequence[str],
-    low_m: NDArray[np.float64],
-    high_m: NDArray[np.float64],
-) -> tuple[str, ...]:
-    """Return the names of the rooms that meet in a doorway's box `low_m` … `high_m` (2,) [m]."""
-    xs, ys = (
-        np.arange(a - regions.grid.cell_m, b + 1.5 * regions.grid.cell_m, regions.grid.cell_m)
-        for a, b in zip(low_m, high_m, strict=True)
-    )
-    found = np.unique(regions.at(np.stack(np.meshgrid(xs, ys), axis=-1)))
-    met: set[str] = {str(names[k]) for k in found.tolist() if k >= 0}
-    return tuple(sorted(met - {""}))
+def as_thing(opening: Opening, number: int, level: int, floor_z_m: float) -> LabeledObject:
+    """Return an opening as an object of a level."""
+    low, high = ((float(x), float(y)) for x, y in (opening.low_m, opening.high_m))
+    return LabeledObject(
+        f"{opening.noun}-{number}", opening.noun,
+        (*low, floor_z_m), (*high, floor_z_m + 2.0), level,
+    )  # fmt: skip
 
 
-def openings_of(regions: RegionMap) -> tuple[tuple[tuple[int, ...], ...], ...]:
-    """Return for each room its openings, each as the rooms behind it.
-
-    An opening is a doorway or a wider passage; several rooms may meet in one.
-    """
-    border = _borders(regions)
-    parts = np.asarray(label(_grown(border), connectivity=2))
-    meeting: dict[int, set[int]] = {}
-    for room in range(len(regions.names)):
-        beside = border & _grown(regions.region == room, 1)
-        for part in np.unique(parts[beside]).tolist():
-            meeting.setdefault(part, set()).add(room)
-    return tuple(
-        tuple(
-            tuple(sorted(rooms - {room})) for _, rooms in sorted(meeting.items()) if room in rooms
-        )
-        for room in range(len(regions.names))
-    )
-
-
-def _borders(regions: RegionMap) -> NDArray[np.bool_]:
-    """Return the open cells (R, C) where two rooms meet."""
+def _borders(regions: RegionMap) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Return the open cells (K, 2) where two rooms meet, and the rooms (K, 2) that meet there."""
     room = regions.region
-    border = np.zeros(room.shape, dtype=bool)
+    cells, pairs = [], []
     for axis in (0, 1):
         a = np.take(room, range(room.shape[axis] - 1), axis)
         b = np.take(room, range(1, room.shape[axis]), axis)
-        border[np.nonzero((a != b) & (a >= 0) & (b >= 0))] = True
-    return border & (regions.width_m > 0)
-
-
-def _grown(mask: NDArray[np.bool_], cells: int = _JOIN_CELLS) -> NDArray[np.bool_]:
-    return np.asarray(binary_dilation(mask, iterations=cells))
+        at = np.argwhere((a != b) & (a >= 0) & (b >= 0))
+        at = at[regions.width_m[at[:, 0], at[:, 1]] > 0]
+        cells.append(at)
+        pairs.append(np.stack([a[at[:, 0], at[:, 1]], b[at[:, 0], at[:, 1]]], axis=1))
+    return np.concatenate(cells), np.sort(np.concatenate(pairs), axis=1)

@@ -14,7 +14,7 @@ MOMENT_M = 0.25
 REACH_M = 8.0
 _AHEAD_M = 0.4
 _LINE_SAMPLES = 48
-WALL_SKIN_M, WINDOW_SKIN_M = 0.10, 0.35  # a window lies this deep in a wall
+WALL_SKIN_M, DEEP_SKIN_M = 0.10, 0.35  # windows and doorways lie this deep in a wall
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ def _turned(vector: Array, heading: Array) -> Array:
 
 def skin_of(noun: str) -> float:
     """Return how deep in a wall a thing of a kind may stand [m]."""
-    return WINDOW_SKIN_M if noun == "window" else WALL_SKIN_M
+    return DEEP_SKIN_M if noun in ("window", "doorway", "opening") else WALL_SKIN_M
 
 
 def no_wall_between(
@@ -96,7 +96,7 @@ def no_wall_between(
 ) -> NDArray[np.bool_]:
     """Return whether lines (K, 2) → (K, 2) meet no wall before the last `skin_m` [m].
 
-    The thing itself may stand at a wall, and a window is in one.
+    The thing itself may stand at a wall, and a window or doorway is in one.
     """
     share = np.maximum(0.0, 1.0 - skin_m / np.maximum(length, skin_m))
     steps: Array = np.linspace(0.0, 1.0, _LINE_SAMPLES, dtype=np.float64)

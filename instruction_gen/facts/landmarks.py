@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from ...formats.scene.visibility import Glimpse, PathSight
 from ..language.nouns import looks_of
-from .doors import DOOR
 from .geometry import Relations, Track, relations, skin_of
 from .level import LevelFacts
 from .records import LandmarkFact, Moment
@@ -23,8 +22,8 @@ _MAX_OCCLUDED = 0.8
 _SIDE_RAD = np.deg2rad(20.0)
 # Parts of the building, and things too flat or too common to steer by.
 PLAIN = frozenset(
-    """door,window,curtain,curtain rod,rug,carpet,picture,lamp,ceiling lamp,chandelier,handle,
-pillar,column,tableware,clock,range hood,towel rail,wall cupboard,security camera,seasoning box,
+    """door,doorway,opening,window,curtain,curtain rod,rug,carpet,picture,lamp,ceiling lamp,
+chandelier,handle,pillar,column,tableware,clock,range hood,towel rail,wall cupboard,security camera,seasoning box,
 kitchen utensils,tablet,sign""".replace("\n", "").split(",")
 )
 
@@ -67,11 +66,7 @@ def _landmark(
     low, high = thing.lower_m[2] - floor_z_m, thing.upper_m[2] - floor_z_m
     best = max(glimpses, key=lambda g: g.pixels, default=None)
     nameable = (
-        noun not in PLAIN
-        and noun != DOOR
-        and size.max() >= _MIN_SIZE_M
-        and high >= _TOP_M
-        and low <= _BOTTOM_M
+        noun not in PLAIN and size.max() >= _MIN_SIZE_M and high >= _TOP_M and low <= _BOTTOM_M
     )
     if looked:
         seen = best is not None and best.pixels >= _MIN_PIXELS and best.occluded <= _MAX_OCCLUDED
@@ -118,11 +113,11 @@ def _beside(shared: LevelFacts) -> list[str]:
             (float(gap[n, k]), thing.name)
             for k, thing in enumerate(shared.things)
             if gap[n, k] <= _BESIDE_M
-            and shared.nouns[k] not in (noun, DOOR, *PLAIN)
+            and shared.nouns[k] not in (noun, *PLAIN)
             and shared.rooms[k] == shared.rooms[n]
             and np.subtract(thing.upper_m, thing.lower_m).max() >= _MIN_SIZE_M
         ]
-        result.append(min(others)[1] if others and noun != DOOR else "")
+        result.append(min(others, default=(0.0, ""))[1])
     return result
 
 

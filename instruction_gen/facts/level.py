@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
-from .doors import DOOR, doorways, openings_of, rooms_met
+from .doors import Opening, as_thing, find_openings
 from .named import NamedRoom
 from .rooms import room_names, rooms_of_boxes
 
@@ -19,13 +19,13 @@ class LevelFacts:
     """What all paths of a level share; build it once.
 
     Attributes:
-        things: objects with a noun, and the doorways.
+        things: objects with a noun, the doorways and the wider openings.
         nouns: their nouns.
         low_m, high_m: (N, 2) their boxes [m].
         rooms: the room each stands in, "" when unknown.
         names: room name of each region.
-        openings: of each region, each as the names of the rooms behind it.
-        leads: of each thing that is a doorway, the names of the rooms that meet in it.
+        openings: between rooms.
+        leads: of each thing that is an opening, the names of the rooms that meet in it.
         unnamed: labels that no noun is known for, with how many objects have them.
     """
 
@@ -38,7 +38,7 @@ class LevelFacts:
     high_m: NDArray[np.float64]
     rooms: tuple[str, ...]
     names: tuple[str, ...]
-    openings: tuple[tuple[tuple[str, ...], ...], ...]
+    openings: tuple[Opening, ...]
     leads: tuple[tuple[str, ...], ...]
     unnamed: dict[str, int]
 
@@ -68,25 +68,21 @@ class LevelFacts:
             elif thing.category not in _STRUCTURE:
                 unnamed[thing.category[:40]] = unnamed.get(thing.category[:40], 0) + 1
         things = [t for t in things if not any(_part_of(t, other) for other in things)]
-        doors = doorways(regions, level, bundle.level_floor_z_m[level])
+        openings = find_openings(regions, things)
+        floor_z_m = bundle.level_floor_z_m[level]
         # A door's leaf and its frame are the doorway that they stand in.
         things = [t for t in things if noun_of(t.category) != "door"]
-        nouns = [noun_of(t.category) for t in things] + [DOOR] * len(doors)
-        things += doors
+        leads = [()] * len(things)
+        nouns = [noun_of(t.category) for t in things] + [o.noun for o in openings]
+        things += [as_thing(o, n, level, floor_z_m) for n, o in enumerate(openings, start=1)]
         low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         names = room_names(regions, things, [room for room in named if room.level == level])
-        openings = tuple(
-            tuple(tuple(names[k] for k in rooms) for rooms in of_room)
-            for of_room in openings_of(regions)
-        )
-        leads = tuple(
-            rooms_met(regions, names, a, b) if noun == DOOR else ()
-            for noun, a, b in zip(nouns, low, high, strict=True)
-        )
+        leads += [tuple(sorted({names[k] for k in o.rooms} - {""})) for o in openings]
         return LevelFacts(
             bundle, level, regions, tuple(things), tuple(nouns), low, high,
-            rooms_of_boxes(regions, names, low, high), names, openings, leads, unnamed,
+            rooms_of_boxes(regions, names, low, high), names, tuple(openings), tuple(leads),
+            unnamed,
         )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 
 from ...formats.scene.visibility import SightCamera
 
-FACTS_VERSION = 5
+FACTS_VERSION = 6
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class PassageFact:
     Attributes:
         along_m: distance along the path [m].
         from_room, to_room: canonical names, "" when unknown.
-        doorway: through a doorway rather than a wide opening.
+        doorway: through a doorway rather than a wider opening without a door.
         bearing_deg: direction to it from a metre and a half before, left is positive [deg].
         side: `left` or `right` of who walks up to it, "" straight ahead.
         ordinal: its place among the doorways on that side, counted from where the room that is
@@ -153,7 +153,7 @@ class LandmarkFact:
         occluded: fraction of it that is covered in that image.
         size_m: the larger of breadth and height [m].
         moments: every quarter of a metre, where it is within eight metres.
-        leads: of a doorway, the names of the rooms that meet in it.
+        leads: of a doorway or opening, the names of the rooms that meet in it.
         beside: object of another noun that stands right beside it, "" = none.
     """
 

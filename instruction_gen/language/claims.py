@@ -23,7 +23,8 @@ class Claim:
     Attributes:
         kind: one of `KINDS`.
         what: one of `WHAT`, the kind of the target; "" = none is named.
-        name: singular phrase of the target: `coffee table`, `hallway`; "" of any door or room.
+        name: singular phrase of the target: `coffee table`, `hallway`; "" of any door or room;
+            `opening` of one that may be wider than a doorway.
         side: one of `SIDES`, of a turn, or where the target is.
         ordinal: place of the target among its like, from 1; 0 = not stated, −1 = last.
         count: how many there are; 0 = not stated.

@@ -18,6 +18,7 @@ from .tokens import Token
 from .words import (
     DETERMINERS,
     NUMBERS,
+    OPENINGS,
     ORDINALS,
     PREP_OF,
     UNITS_M,
@@ -88,7 +89,8 @@ def _named(
     name = head if head in OBJECT_PHRASES or head in ROOM_PHRASES else singular(head)
     if what == "thing":
         name = " ".join([*(n for n in before if noun_kind(n) == what), name])
-    name = "" if what == "door" else name
+    if what == "door":
+        name = "opening" if singular(head) in OPENINGS else ""
     target = replace(seen, what=what, name=name, room=room)
     # "The door of the bedroom", "the table in the kitchen".
     after = k

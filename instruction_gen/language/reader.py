@@ -110,7 +110,11 @@ class _Reader:
     def _inherit(self, clause: Clause) -> None:
         """Give a phrase without a verb that of the clause before: `past the sofa and the table`."""
         starts, before = read_phrase(clause.tokens, 0), self.before
-        if before is None or not starts or before.sentence != clause.sentence:
+        if before is None or before.sentence != clause.sentence:
+            return
+        if PREP_OF.get(clause.tokens[0].text) in _WAYS and not clause.says(*ORDINALS):
+            clause.straight = clause.straight or before.straight  # "straight on and into the hall"
+        if not starts:
             return
         last = before.claims[-1] if before.claims else Claim("turn")
         same = (last.what == starts[0].what and last.kind != "leave") or last.kind == "pass"
@@ -194,14 +198,8 @@ class _Reader:
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
                     claims.append(claim)
                 k, prep = end, ""
-            elif (
-                word == "one"
-                and claims
-                and claims[-1].what
-                and k
-                and (tokens[k - 1].text in ORDINALS)
-            ):  # "the door is the first one on the left"
-                claims[-1] = replace(claims[-1], ordinal=ORDINALS[tokens[k - 1].text])
+            elif (owner := self._counted_again(clause, k)) is not None:
+                claims += owner
                 clause.used.add(k)
                 k += 1
             elif (
@@ -229,9 +227,26 @@ class _Reader:
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
 
+    def _counted_again(self, clause: Clause, k: int) -> list[Claim] | None:
+        """Return what `the second (one)` at token `k` adds to the claims, None where it is none."""
+        tokens, claims = clause.tokens, clause.claims
+        one = tokens[k].text == "one"
+        last = ORDINALS.get(tokens[k - one].text, 0) if k or not one else 0
+        end = one or k + 1 == len(tokens) or tokens[k + 1].text in PREP_OF
+        if not (last and end and k):
+            return None
+        if claims and claims[-1].what:  # "the door is the first one on the left"
+            claims[-1] = replace(claims[-1], ordinal=last)
+            return []
+        before = self.before.claims[-1] if self.before and self.before.claims else None
+        if before is None or before.what != "door" or before.kind not in ("pass", "see"):
+            return None
+        return [replace(before, kind="door", ordinal=last)]  # "pass one door, go in at the second"
+
     def _is_inside(self) -> bool:
         """Return whether the last that is claimed is that a room is entered."""
-        claims = [claim for clause in self.sentence for claim in clause.claims]
+        said = self.sentence or [self.before or Clause([])]
+        claims = [claim for clause in said for claim in clause.claims]
         return bool(claims) and claims[-1].kind in ("enter", "door")
 
     def _marked(self, mark: str) -> Claim:

@@ -13,6 +13,8 @@ PREP_OF = kind_of_word("prepositions")
 # Words that deny or forbid.
 NEGATIONS = closed("negation")
 JOINTS = closed("joint")
+# What may be wider than a doorway.
+OPENINGS = closed("opening")
 SLIGHT = closed("slight")
 SHARP = closed("sharp")
 # Verbs that turn only gently.

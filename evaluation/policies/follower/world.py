@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ....formats.core.frames import Array
 from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.freemap import Freemap
-from ....instruction_gen.facts.doors import DOOR, doorways
+from ....instruction_gen.facts.doors import DOOR, OPENING, as_thing, find_openings
 from ....instruction_gen.facts.geometry import no_wall_between, skin_of
 from ....instruction_gen.facts.rooms import room_names
 from ....instruction_gen.language.lexicon import ROOM_PHRASES
@@ -69,7 +69,10 @@ class World:
             for o in objects
             if not o.category.startswith(ROOM_PREFIX) and noun_of(o.category) not in ("", "door")
         ]
-        self.things += [_thing(DOOR, d, regions) for d in doorways(regions, 0, 0.0)]
+        self.things += [
+            _thing(opening.noun, as_thing(opening, n, 0, 0.0), regions)
+            for n, opening in enumerate(find_openings(regions, objects))
+        ]
         self._regions = regions
         self._gaps: dict[int, Array] = {}
 
@@ -92,7 +95,7 @@ class World:
     def called(self, head: str) -> list[int]:
         """Return indices of things that may be called so; `kitchen table`: a table in a kitchen."""
         if head in ("door", DOOR):
-            return [k for k, t in enumerate(self.things) if t.noun == DOOR]
+            return [k for k, t in enumerate(self.things) if t.noun in (DOOR, OPENING)]
         matches = [k for k, t in enumerate(self.things) if called(t.noun, head)]
         if matches or " " not in head:
             return matches
