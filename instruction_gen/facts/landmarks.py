@@ -23,7 +23,8 @@ _SIDE_RAD = np.deg2rad(20.0)
 # Parts of the building, and things too flat or too common to steer by.
 PLAIN = frozenset(
     """door,doorway,opening,window,curtain,curtain rod,rug,carpet,picture,lamp,ceiling lamp,
-chandelier,handle,pillar,column,tableware,clock,range hood,towel rail,wall cupboard,security camera,seasoning box,
+chandelier,handle,pillar,column,tableware,clock,range hood,towel rail,wall cupboard,
+security camera,seasoning box,
 kitchen utensils,tablet,sign""".replace("\n", "").split(",")
 )
 
