@@ -31,7 +31,7 @@ $(error unknown variable $(filter-out $(VARIABLES),$(GIVEN)); valid: $(filter-ou
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help setup collect view dataset-bench evidence evaluate train-gait test test-fast test-slow lint audit docs bench \
+.PHONY: help setup collect view dataset-bench evidence evaluate adapt train-gait test test-fast test-slow lint audit docs bench \
         report verify doctor clean
 
 help:  ## Show this help
@@ -69,6 +69,12 @@ evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots 
 	@$(SETUP) core $(if $(filter $(SHIPPED) %.safetensors,$(POLICY)),train)
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
+
+adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=scan.glb ROBOT=aliengo [POLICY=cma-robots OUT=…]
+	@$(SETUP) core train
+	@$(BIN)/vlnpe adapt "$(SCENE)" --robot "$(ROBOT)" --controller "$(CONTROLLER)" --seed "$(SEED)" \
+	    $(if $(filter-out file,$(origin POLICY)),--policy "$(POLICY)") $(if $(OUT),--out "$(OUT)") \
+	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
 train-gait:  ## Train a gait, also of a robot of your own: make train-gait ROBOT=mydog [OUT=folder]
 	@$(SETUP) full

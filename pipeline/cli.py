@@ -84,6 +84,7 @@ _TABLE = (
     Verb("mix", "training.Mix", "commands.training.mix.run"),
     Verb("train", "training.Train", "commands.training.train.run"),
     Verb("ablate", "training.Ablate", "commands.training.ablate.run"),
+    Verb("adapt", "training.Adapt", "commands.training.adapt.run"),
     Verb("view", "view.View", "commands.view.run"),
     Verb("evaluate", "evaluate.Evaluate", "commands.evaluate.run_evaluate"),
     Verb("dagger", "evaluate.Dagger", "commands.dagger.run"),

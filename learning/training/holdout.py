@@ -1,7 +1,7 @@
 """The trajectories that are held out of all trainings."""
 
 import hashlib
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
@@ -64,6 +64,22 @@ def hold_out(
         return Holdout(by, (), frozenset(chosen))
     held = frozenset(t for t in everything if scene_of(t) in chosen)
     return Holdout(by, tuple(sorted(chosen)), held)
+
+
+def rooms_aside(paths: Mapping[str, int], seed: int) -> tuple[str, ...]:
+    """Return rooms, drawn by their names and the seed, whose goals are about a third of all.
+
+    A room with which they would be more than half of all stays out.
+
+    Args:
+        paths: number of paths that end in each room.
+    """
+    total, held, chosen = sum(paths.values()), 0, []
+    for room in sorted(paths, key=lambda name: _order(seed, name)):
+        if 3 * held < total and 2 * (held + paths[room]) <= total:
+            chosen.append(room)
+            held += paths[room]
+    return tuple(sorted(chosen))
 
 
 def published_holdout(selections: Iterable[Selection]) -> frozenset[str]:

@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,14 +18,14 @@ from ...datasets.mixture.recipe import Recipe
 from ...datasets.selection import Selection, select_all
 from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
-from ...formats.core.atomic import file_digest
+from ...formats.core.atomic import file_digest, write_bytes
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.progress import progress_bar
 from ...formats.core.rollout import DAGGER, EndReason
 from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
 from ..camera import view_of
-from ..card import Card, View
+from ..card import SUFFIX, Card, View
 from ..checkpoint import Checkpoint, load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
@@ -34,6 +34,7 @@ from .curves import TrainingLog, Validation
 from .holdout import Holdout, hold_out, published_holdout
 from .train import Watcher, train_model
 
+_DONE = "done"  # file of a finished training, with its checkpoint's digest
 _SAMPLE = 32  # episodes of the training data, and of the held-out data, that curves are made of
 
 
@@ -143,7 +144,7 @@ def plan_training(request: Request) -> Planned:
 
 
 def training_key(planned: Planned, seed: int) -> str:
-    """Return a digest of everything that the weights of a new training depend on.
+    """Return a digest of everything that the weights of a training depend on.
 
     Frames are identified by their statistics, episodes by their names, labels and instructions.
     """
@@ -161,6 +162,7 @@ def training_key(planned: Planned, seed: int) -> str:
         "sources": [[s.name, s.share, episodes(s.selection)] for s in planned.plan.sources],
         "held": {name: episodes(selection) for name, selection in planned.held.items()},
         "seed": seed,
+        "start": planned.start.sha256 if planned.start else "",
         "code": code_digest("learning.training.session"),
         "torch": torch.__version__,
     }
@@ -231,6 +233,21 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             start=start.model.state_dict() if start is not None else None,
         )
     return Result(log.path, tuple(log.rows), log.chosen, plan)
+
+
+def train_once(request: Request, planned: Planned, seed: int) -> Path:
+    """Train into a folder below `request.out`, unless that was done; return the checkpoint.
+
+    The folder is named by `training_key`: other data or settings are trained into another one.
+    """
+    name = planned.config.model.name
+    folder = request.out / f"{name}-s{seed}-{training_key(planned, seed)}"
+    checkpoint, done = folder / f"{name}{SUFFIX}", folder / _DONE
+    if not (done.is_file() and checkpoint.is_file()):
+        result = train_recipe(replace(request, out=folder, seed=seed), planned)
+        (folder / "state.pt").unlink(missing_ok=True)
+        write_bytes(done, f"{file_digest(result.checkpoint)}\n".encode())
+    return checkpoint
 
 
 def _more(request: Request) -> Iterator[tuple[str, Selection]]:

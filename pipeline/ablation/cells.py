@@ -13,16 +13,14 @@ from typing import Any
 
 from ...datasets.mixture.comparison import METRICS
 from ...evaluation.results import COLUMNS, by_uid, uid_of
-from ...formats.core.atomic import file_digest, write_bytes
 from ...formats.vlnce.files import write_episodes
 from ...learning.card import read_card
-from ...learning.training.session import train_recipe, training_key
+from ...learning.training.session import train_once
 from ..collect.evaluation import evaluate_policy
 from ..options.training import Ablate
 from .plan import Ablation, evaluation
 
 TRAININGS, WALKS, EPISODES = "trainings", "walks", "episodes"  # folders
-_DONE = "done"  # file of a finished training, with its checkpoint's digest
 
 
 @dataclass(frozen=True)
@@ -89,16 +87,8 @@ def train(ablation: Ablation, row: str, seed: int, out: Path) -> Path:
     Rows that are trained in the same way share their trainings.
     """
     training = ablation.trainings[row]
-    config = training.planned.config
-    key = training_key(training.planned, seed)
-    folder = out / TRAININGS / f"{config.model.name}-s{seed}-{key}"
-    checkpoint, done = folder / f"{config.model.name}.safetensors", folder / _DONE
-    if not (done.is_file() and checkpoint.is_file()):
-        request = replace(training.request, out=folder, seed=seed)
-        result = train_recipe(request, training.planned)
-        (folder / "state.pt").unlink(missing_ok=True)
-        write_bytes(done, f"{file_digest(result.checkpoint)}\n".encode())
-    return checkpoint
+    request = replace(training.request, out=out / TRAININGS)
+    return train_once(request, training.planned, seed)
 
 
 def _write_episodes(ablation: Ablation, out: Path) -> Path:

@@ -10,33 +10,18 @@ from ...evaluation.results import COLUMNS, cell_text, decimals
 from ...evaluation.statistics import LEAST_PATHS
 from ...formats.core.atomic import write_bytes
 from ...formats.core.images import data_uri
+from ..report.markdown_page import markdown_page
 from .results import Judgement, interval, judge
 
 REPORT, FIGURE, PAGE = "report.md", "rates.svg", "report.html"
 SENTENCES = 3  # claims that are answered in sentences; more become a table
-_STYLE = (
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:64rem;margin:2rem auto;padding:0 1rem}"
-    ".wide{overflow-x:auto}table{border-collapse:collapse}"
-    "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:left;"
-    "overflow-wrap:anywhere;min-width:5rem}"
-    "[style*=right]{white-space:nowrap;min-width:0}"
-    "img{max-width:100%}"
-)
 
 
 def write_page(out: Path, value: Mapping[str, Any]) -> None:
     """Write report.md with its figure, and both as report.html, which needs no other file."""
-    from markdown_it import MarkdownIt
-
     text, figure = markdown(value), figure_svg(value)
-    body = MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
-    body = body.replace(f'src="{FIGURE}"', f'src="{data_uri(figure, "image/svg+xml")}"')
-    body = body.replace("<table>", '<div class="wide"><table>')
-    body = body.replace("</table>", "</table></div>")
-    page = (
-        f'<!doctype html><html lang="en"><meta charset="utf-8"><title>Ablation</title>'
-        f"<style>{_STYLE}</style>{body}</html>\n"
-    )
+    page = markdown_page("Ablation", text)
+    page = page.replace(f'src="{FIGURE}"', f'src="{data_uri(figure, "image/svg+xml")}"')
     write_bytes(out / FIGURE, figure)
     write_bytes(out / REPORT, text.encode())
     write_bytes(out / PAGE, page.encode())

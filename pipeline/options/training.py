@@ -8,8 +8,9 @@ import tyro
 
 from ...datasets.mixture.shipped import SHIPPED
 from ...formats.core.errors import InputError
+from ...trajectory_sampler.config import SampleConfig
 from . import check_numbers
-from .shared import Parallel, Printing
+from .shared import Orientation, Parallel, Printing
 
 RECIPE = tyro.conf.arg(
     metavar="RECIPE",
@@ -156,3 +157,50 @@ class Ablate(Parallel):
         """Raise InputError if a number is too small."""
         check_numbers(self, 1, "seeds", "steps", "walks")
         check_numbers(self, 0, "threads")
+
+
+@dataclass(frozen=True)
+class Adapt(Orientation, Parallel):
+    r"""Fine-tune a policy to your own building and robot, and test it before and after.
+
+    Repairs the scan, samples paths in it, and sets those aside whose goals lie in a third of the
+    rooms. The expert walks the others with the robot, and the policy is fine-tuned on its walks.
+    Before and after, the policy walks the paths that were set aside. Writes report.html, and the
+    checkpoint with its card; prints the command that serves it to a robot. The same command again
+    resumes; what is finished and unchanged is not done again.
+
+    Example: vlnpe adapt scan.glb --robot aliengo
+    """
+
+    scene: Annotated[tyro.conf.Positional[str], tyro.conf.arg(metavar="SCENE")]
+    """Scan of the building, or a generated one (builtin, builtin:villa), as --scene of `vlnpe
+    collect`."""
+    robot: str = "aliengo"
+    """Robot: a name (see `vlnpe robots`), or the folder of your own."""
+    controller: str = "auto"
+    """Controller: speed (physics), flash (placed without physics), or auto: the first of these that
+    suits the robot."""
+    policy: str = "cma-robots"
+    """Policy to start from: cma, cma-h1 or cma-robots, or a checkpoint (FILE.safetensors) of cma or
+    seq2seq."""
+    paths: int = 120
+    """Number of paths to sample; about a third is set aside."""
+    min_length_m: float = SampleConfig.min_length_m
+    """Minimum length of a path [m]."""
+    steps: int = 300
+    """Training steps."""
+    learning_rate: float = 5e-4
+    """Highest learning rate; it rises during a tenth of the steps and falls along a cosine."""
+    seed: int = 0
+    """Random seed of paths, rooms and training."""
+    threads: int = 0
+    """Number of torch threads; 0 uses one per core."""
+    out: Path | None = None
+    """Output folder; defaults to runs/adapt-<scene>-<robot>."""
+
+    def check(self) -> None:
+        """Raise InputError if a number is too small."""
+        check_numbers(self, 1, "paths", "steps")
+        check_numbers(self, 0, "threads", "workers")
+        if not self.learning_rate > 0:
+            raise InputError(f"--learning-rate {self.learning_rate:g}; valid: above 0")

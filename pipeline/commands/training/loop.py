@@ -77,7 +77,7 @@ def augmentation(options: Train, planned: Planned, seed: int) -> tuple[Path, ...
         options, planned.view, planned.every("light"), policy=ORACLE, episodes=folder / EPISODES,
         scenes=scenes,
     )  # fmt: skip
-    dataset, ends = _walked(options, chosen_trial(walks), walks, folder / "walks")
+    dataset, ends = walked(chosen_trial(walks), walks, folder / "walks", options.threads)
     arrived = ends[str(EndReason.SUCCESS)]
     if not arrived:
         raise InputError(
@@ -110,7 +110,7 @@ def dagger(options: Train, request: Request, result: Result) -> Result:
         free = [e for e in trial.episodes if f"{e.scene_id}/{e.trajectory_id}" not in held_out]
         trial = replace(trial, episodes=spread(free, options.dagger_episodes))
         # The expert's share halves from round to round, as in VLN-CE.
-        dataset, ends = _walked(options, trial, walks, folder / "walks", beta=0.5**number)
+        dataset, ends = walked(trial, walks, folder / "walks", options.threads, beta=0.5**number)
         if not ends:
             raise InputError(
                 f"--dagger: none of {len(trial.episodes)} episodes could be walked; "
@@ -138,11 +138,11 @@ def _light(lights: Sequence[str]) -> str:
     return lights[0] if len(lights) == 1 else Evaluate.light
 
 
-def _walked(
-    options: Train, trial: Trial, walks: Evaluate, out: Path, *, beta: float | None = None
+def walked(
+    trial: Trial, walks: Evaluate, out: Path, workers: int, *, beta: float | None = None
 ) -> tuple[Path, Counter[str]]:
     """Return the dataset of walks, and how many ended for which reason."""
-    with open_context(out, Running(workers=options.threads)) as context:
+    with open_context(out, Running(workers=workers)) as context:
         made = walked_dataset(context, trial, walks, beta=beta, mcap=False)
     if lost := sum(stage.quarantined for stage in made.stages):
         logger.warning("%s: %d items failed and are left out (quarantine.json)", out, lost)
