@@ -1,4 +1,4 @@
-"""`vlnpe adapt`: which goals are set aside, what is too small, and the whole chain at a tiny size."""
+"""`vlnpe adapt`: goals that are set aside, buildings too small, and the chain at a tiny size."""
 
 import json
 from collections import Counter
