@@ -4,6 +4,8 @@ numba keeps compiled code beside a function's file and compares that file alone.
 calls another module's kernel, or uses its constants, would run with their former code.
 """
 
+import contextlib
+import fcntl
 import os
 import tempfile
 from collections.abc import Callable
@@ -13,6 +15,7 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config
+from numba.core.compiler_lock import global_compiler_lock
 
 from .source import ROOT, code_digest
 
@@ -22,7 +25,8 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def kernel(**options: Any) -> Callable[[Function], Function]:
     """Return `numba.njit(cache=True, nogil=True, **options)`, cached for each state of the code.
 
-    Other threads of Python run while a kernel does.
+    Other threads of Python run while a kernel does. Of several processes that call a kernel for
+    the first time, one compiles it and the others wait for its cache.
 
     The cache is keyed by `code_digest` of the function's module: an edit of any module that it
     imports, transitively, compiles it again.
@@ -32,11 +36,23 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         # numba reads this variable once, while it decorates.
         settings: Any = config
         before = settings.CACHE_DIR
-        settings.CACHE_DIR = str(cache_folder() / code_digest(function.__module__)[:16])
+        folder = cache_folder() / code_digest(function.__module__)[:16]
+        settings.CACHE_DIR = str(folder)
         try:
-            return cast(Function, numba.njit(cache=True, nogil=True, **options)(function))
+            dispatcher: Any = numba.njit(cache=True, nogil=True, **options)(function)
         finally:
             settings.CACHE_DIR = before
+        compile_or_load = dispatcher.compile
+
+        def compile_once(signature: Any) -> Any:
+            # Kernels lock those they call while they hold their own lock; none calls itself.
+            with global_compiler_lock, (folder / f"{function.__qualname__}.lock").open("w") as lock:
+                with contextlib.suppress(OSError):  # a file system without locks
+                    fcntl.flock(lock, fcntl.LOCK_EX)
+                return compile_or_load(signature)
+
+        dispatcher.compile = compile_once
+        return cast(Function, dispatcher)
 
     return decorate
 

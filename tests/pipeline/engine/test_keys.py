@@ -177,11 +177,16 @@ def tree(tmp_path_factory) -> Path:
     return root
 
 
-def run_in(tree: Path, code: str, stdin: str = "") -> str:
-    """Return what Python code prints that finds the copy before the installed package."""
+def command_in(tree: Path, code: str) -> list[str]:
+    """Return a command that runs Python code which finds the copy before the installed package."""
     first = f"import sys; sys.path.insert(0, {str(tree.parent)!r}); sys.meta_path[:] = ["
     first += "f for f in sys.meta_path if '__editable__' not in str(f)]\n"
-    command = [sys.executable, "-c", first + code]
+    return [sys.executable, "-c", first + code]
+
+
+def run_in(tree: Path, code: str, stdin: str = "") -> str:
+    """Return what the code prints."""
+    command = command_in(tree, code)
     return subprocess.run(
         command, input=stdin, stdout=subprocess.PIPE, text=True, check=True
     ).stdout
@@ -228,6 +233,26 @@ def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree
     helper.unlink()
     caller.unlink()
     assert results == [["2", "0"], ["2", "1"], ["3", "0"]]
+
+
+def test_of_processes_that_need_a_kernel_at_once_one_compiles_it(tree):
+    (tree / "formats/trial_twice.py").write_text(
+        "from .core.kernel import kernel\n\n@kernel()\ndef twice(x):\n    return sorted([x, x])\n"
+    )
+    code = "from vlnpe.formats.trial_twice import twice\nprint('ready', flush=True)\ninput()\n"
+    code += "twice(1)\nprint(sum(twice.stats.cache_hits.values()))"
+    command = command_in(tree, code)
+    pipe = subprocess.PIPE
+    with (
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as one,
+        subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as other,
+    ):
+        assert {p.stdout.readline() for p in (one, other) if p.stdout} == {"ready\n"}
+        for process in (one, other):
+            assert process.stdin
+            process.stdin.write("\n")
+            process.stdin.flush()
+        assert sorted(p.stdout.read() for p in (one, other) if p.stdout) == ["0\n", "1\n"]
 
 
 @pytest.mark.parametrize(
