@@ -3,7 +3,7 @@
 import logging
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision
 from .config import RepairConfig
+from .floor.flights import Flight, find_flights
 from .floor.lay import with_floor
 from .floor.levels import ScannedFloor, averted_faces, ceilings_in_floors, find_levels
 from .floor.repair_level import RepairedFloor, repair_floor
@@ -96,10 +97,11 @@ def repair_scene(
     original = WorldMesh.of(scan, orientation.source_to_world)
     coarse, fine = _grids(scan, original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
-    scanned_floors, notes, ignore, ceilings = _find_floors(original, fine, not_floor(scan), config)
-    _check_voxels(scan, scanned_floors, config)
+    storeys = _find_floors(original, fine, not_floor(scan), config)
+    _check_voxels(scan, storeys.floors, config)
+    ceilings = storeys.ceilings
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
-    floors = _repair_floors(scan, clear, scanned_floors, ignore, config, report)
+    floors = _repair_floors(scan, clear, storeys.floors, storeys.ignore, config, report)
     mesh = floors[-1].mesh
     report("building collision and freemaps")
     levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
@@ -118,7 +120,8 @@ def repair_scene(
         probes=[record for _, record in probed],
         visual=visual,
         labels=labels,
-        notes=notes,
+        flights=storeys.flights,
+        notes=storeys.notes,
     )
     return write_scene(repaired, out_dir, config)
 
@@ -157,21 +160,38 @@ def _check_voxels(scan: Scan, floors: list[ScannedFloor], config: RepairConfig) 
             )
 
 
-def _find_floors(
-    mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairConfig
-) -> tuple[list[ScannedFloor], list[str], Mask, Mask]:
-    """Return the levels' floors, doubts, faces (F,) that are no floor, ceilings (F,) in floors."""
+@dataclass(frozen=True)
+class _Storeys:
+    """The floors of all levels, what joins them, doubts, and faces (F,) that are set apart.
+
+    `ignore` are faces that are no floor, `ceilings` those that lie in the plane of one.
+    """
+
+    floors: list[ScannedFloor]
+    flights: list[Flight]
+    notes: list[str]
+    ignore: Mask
+    ceilings: Mask
+
+
+def _find_floors(mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairConfig) -> _Storeys:
+    """Find the floors and the stairs between them; `ignore` (F,) are faces of furniture."""
     columns = sample_columns(mesh.vertices, mesh.faces, fine)
     up = mesh.normals[:, 2]
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    scanned_floors, notes = find_levels(surfaces, columns, mesh, config)
-    averted = averted_faces(scanned_floors, columns, up)
-    if not averted.any():
-        return scanned_floors, notes, ignore, averted
-    ignore = ignore | averted
-    surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
-    scanned_floors, notes = find_levels(surfaces, columns, mesh, config)
-    return scanned_floors, notes, ignore, ceilings_in_floors(scanned_floors, columns, averted)
+    floors, notes = find_levels(surfaces, columns, mesh, config)
+    averted = averted_faces(floors, columns, up)
+    ceilings = averted
+    if averted.any():
+        surfaces = find_surfaces(columns, up, ignore | averted, LEAST_CLEARANCE_M)
+        floors, notes = find_levels(surfaces, columns, mesh, config)
+        ceilings = ceilings_in_floors(floors, columns, averted)
+    flights = []
+    if len(floors) > 1:
+        # What is labelled as stairs is no floor, and treads may be wound otherwise than floors.
+        everything = np.zeros(len(mesh.faces), dtype=bool)
+        flights = find_flights(find_surfaces(columns, up, everything, LEAST_CLEARANCE_M), floors)
+    return _Storeys(floors, flights, notes, ignore | averted, ceilings)
 
 
 def _repair_floors(

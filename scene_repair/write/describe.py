@@ -1,10 +1,12 @@
 """The record of a repair in `repair.json`, and the doubts that are printed."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 from ...formats.core.arrays import Array
 from ..collide.level_collision import LevelCollision
+from ..floor.flights import Flight
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
 from ..orient.scale import HIGH_ROOM_M, LOW_ROOM_M, ROOM_M, hall
@@ -55,6 +57,22 @@ def describe_level(level: RepairedFloor, probes: dict[str, Any]) -> dict[str, An
             for bump in level.bumps
         ],
         "probes": probes,
+    }
+
+
+def describe_flight(flight: Flight) -> dict[str, Any]:
+    """Return JSON values for a flight of stairs; an open sky above it is null."""
+    headroom = flight.headroom_m
+    return {
+        "levels": list(flight.levels),
+        "foot_world_m": [round(float(v), 3) for v in flight.foot_world_m],
+        "head_world_m": [round(float(v), 3) for v in flight.head_world_m],
+        "direction_world_deg": round(flight.direction_world_deg, 1),
+        "risers_m": [round(float(v), 4) for v in flight.risers_m],
+        "going_m": round(flight.going_m, 3),
+        "width_m": round(flight.width_m, 2),
+        "headroom_m": round(headroom, 2) if math.isfinite(headroom) else None,
+        "problem": flight.problem,
     }
 
 

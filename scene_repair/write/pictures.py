@@ -1,7 +1,7 @@
 """Draw before and after images: a level from above, ceiling removed, holes marked."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import cv2
@@ -11,6 +11,7 @@ from ...formats.core.arrays import F32, U8, Array, Mask
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ...geometry.rays.packets import PacketScene
+from ..floor.flights import Flight
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler
@@ -20,6 +21,7 @@ CUT_M = 2.2
 BACKGROUND = (0.965, 0.968, 0.975)
 RED = (0.86, 0.10, 0.12)
 GREEN = (0.05, 0.55, 0.20)
+BLUE = (0.10, 0.30, 0.80)
 GREY = (0.45, 0.47, 0.52)
 CUT = (0.24, 0.26, 0.30)
 LEFT = 18  # px beside text
@@ -136,6 +138,21 @@ def mark_holes(
             result[mask] = (1 - strength) * result[mask] + strength * np.array(color)
         contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
         cv2.drawContours(result, contours, -1, color, 2, cv2.LINE_AA)
+    return result
+
+
+def mark_flights(image: F32, flights: Sequence[Flight], pixels: GridSpec) -> F32:
+    """Draw an arrow up each flight of stairs, grey where a person could not walk up."""
+    result = image.copy()
+    for flight in flights:
+        foot, head = (
+            (int(column), int(row))
+            for row, column in map(
+                pixels.cell_of, (flight.foot_world_m[:2], flight.head_world_m[:2])
+            )
+        )
+        color = GREY if flight.problem else BLUE
+        cv2.arrowedLine(result, foot, head, color, max(2, _metre_px(pixels) // 25), cv2.LINE_AA)
     return result
 
 

@@ -27,6 +27,7 @@ from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
+from ..floor.flights import Flight
 from ..floor.repair_level import RepairedFloor
 from ..grid.world_mesh import WorldMesh
 from ..labels.files import LabelBox
@@ -36,12 +37,14 @@ from ..paint.materials import MaterialSampler
 from ..scan.record import Scan
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
-from .describe import describe_level, doubts, repair_titles
+from .describe import describe_flight, describe_level, doubts, repair_titles
 from .pictures import (
+    BLUE,
     GREEN,
     GREY,
     RED,
     is_shown,
+    mark_flights,
     mark_holes,
     text_scale,
     view_from_above,
@@ -69,6 +72,7 @@ class Repaired:
         probes: what probing them gave.
         visual: the last floor's mesh, with all repairs, as it is written.
         labels: categories that its faces point to.
+        flights: of the stairs between them.
         notes: doubts about the levels.
     """
 
@@ -82,6 +86,7 @@ class Repaired:
     probes: list[dict[str, Any]]
     visual: VisualMesh
     labels: tuple[str, ...]
+    flights: list[Flight]
     notes: list[str]
 
 
@@ -136,6 +141,7 @@ def _write_bundle(
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
         ],
+        "flights": [describe_flight(flight) for flight in repaired.flights],
     }
     # Quickly, without the indents of the last one: for the verification alone.
     (out_dir / RECORD_NAME).write_text(json.dumps(record))
@@ -218,6 +224,7 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     patched_m2 = sum(f.patch_area_m2 for f in floors)
     missing, added = repair_titles(filled, cracks, patched_m2)
     gaps = [("left open", GREY)] if left_open else []
+    gaps += [("stairs, up", BLUE)] if repaired.flights else []
     heads = {
         "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), *gaps]),
         "after": (f"{scene_id}: repaired, {added}", [("floor added", GREEN), *gaps]),
@@ -225,8 +232,10 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     text = min(text_scale(pixels, *head) for head in heads.values())  # they stand side by side
     for k, (name, head) in enumerate(heads.items()):
         marked = {
-            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_holes(
-                view[k], f.holes, fine=fine, pixels=pixels, before=k == 0
+            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_flights(
+                mark_holes(view[k], f.holes, fine=fine, pixels=pixels, before=k == 0),
+                [flight for flight in repaired.flights if n in flight.levels],
+                pixels,
             )
             for n, (view, f) in enumerate(zip(views, floors, strict=True))
         }
