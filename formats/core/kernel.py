@@ -39,7 +39,8 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         folder = cache_folder() / code_digest(function.__module__)[:16]
         settings.CACHE_DIR = str(folder)
         try:
-            dispatcher: Any = numba.njit(cache=True, nogil=True, **options)(function)
+            always = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
+            dispatcher: Any = numba.njit(**always, **options)(function)
         finally:
             settings.CACHE_DIR = before
         compile_or_load = dispatcher.compile
@@ -55,6 +56,21 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return cast(Function, dispatcher)
 
     return decorate
+
+
+def called(**options: Any) -> Callable[[Function], Function]:
+    """Return a decorator for a function that only kernels call: it is compiled with them."""
+    return cast(Any, numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options))
+
+
+def inlined(**options: Any) -> Callable[[Function], Function]:
+    """Return a decorator for a function that LLVM puts into the code of the kernels that call it.
+
+    numba's `inline="always"` copies the source instead, and infers the types of every copy: kernels
+    then take several times as long to compile. The function must create no arrays: references to
+    them are not counted.
+    """
+    return called(forceinline=True, _nrt=False, **options)
 
 
 @cache

@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from ...formats.core.arrays import F32, Array
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import inlined, kernel
 
 f32 = np.float32
 
@@ -136,7 +135,7 @@ def _integrate(value, weight, depth, step, offset, scale, box):
             _add(d, z, band, value[i, j, low:high], weight[i, j, low:high])
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy")
 def _project(low, count, ahead, along, camera, pixel, z):
     """Find pixel and depth of the `count` voxels from `low` on in a column.
 
@@ -162,7 +161,7 @@ def _project(low, count, ahead, along, camera, pixel, z):
         z[k] = depth
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy")
 def _add(d, z, band, value, weight):
     """Add readings to the voxels of a column.
 

@@ -14,10 +14,11 @@ from typing import Any
 
 import embreex
 import llvmlite.binding as llvm
-from numba import njit, types
+from numba import types
 from numba.core.typing.templates import signature
 
 from ...formats.core.errors import VlnpeError
+from ...formats.core.kernel import inlined
 
 _CALL = signature(types.void, types.uintp, types.uintp, types.uintp, types.uintp)
 
@@ -92,7 +93,7 @@ def lanes() -> int:
     return next((n for n in _NATIVE if library().rtcGetDeviceProperty(device(), _NATIVE[n])), 4)
 
 
-@njit(inline="always")
+@inlined()
 def call_intersect(lanes_, valid, scene, rays, arguments):
     """Trace one packet of 16, 8 or 4 rays; arguments are addresses."""
     if lanes_ == 16:
@@ -103,7 +104,7 @@ def call_intersect(lanes_, valid, scene, rays, arguments):
         intersect4(valid, scene, rays, arguments)
 
 
-@njit(inline="always")
+@inlined()
 def call_occluded(lanes_, valid, scene, rays, arguments):
     """Test the rays of one packet for occlusion; `FAR` of occluded rays becomes −inf."""
     if lanes_ == 16:

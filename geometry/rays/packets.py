@@ -5,12 +5,11 @@ import weakref
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from ...formats.core.arrays import F32, I32, Floats, Mask
 from ...formats.core.errors import VlnpeError
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import inlined, kernel
 from .library import call_intersect, call_occluded, device, lanes, library
 
 f32 = np.float32
@@ -155,7 +154,7 @@ def aligned(shape: tuple[int, ...]) -> F32:
     return room[start : start + size].view(np.float32).reshape(shape)
 
 
-@njit(inline="always")
+@inlined()
 def fill_ray(rays, bits, n, k, x, y, z, dx, dy, dz, far):
     """Write a ray into lane `k` of a packet of `n` rays, and activate the lane.
 
@@ -179,7 +178,7 @@ def fill_ray(rays, bits, n, k, x, y, z, dx, dy, dz, far):
     bits[RAY_FLAGS * n + k] = 0
 
 
-@njit(inline="always")
+@inlined()
 def fill_list(rays, bits, n, first, origins, directions, far):
     """Write rays `first` to `first + n` of a list into a packet; `far` is (N,)."""
     for k in range(n):

@@ -1,16 +1,15 @@
 """Anti-aliasing: which pixels need more rays, and the mean of a pixel's rays."""
 
 import numpy as np
-from numba import njit
 
 from ...formats.core.arrays import F32, I32, U8, Mask
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import inlined, kernel
 from .data import UNCOUNTED
 
 U0, U1, U2 = np.uint64(0), np.uint64(1), np.uint64(2)  # indices that need no check for negatives
 
 
-@njit(inline="always")
+@inlined()
 def _contrast(rgb: U8, i: np.uint64, j: np.uint64) -> np.int32:
     # Bytes are unsigned: their bare difference would wrap around.
     red = abs(np.int32(rgb[i, U0]) - np.int32(rgb[j, U0]))

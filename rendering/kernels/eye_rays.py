@@ -6,10 +6,9 @@ since the processor guesses the number of taps less often. Steps and helpers are
 """
 
 import numpy as np
-from numba import njit
 
 from ...formats.core.arrays import F32, I32
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import inlined, kernel
 from ...geometry.rays.library import call_intersect, call_occluded
 from ...geometry.rays.packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
 from .data import FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays
@@ -96,7 +95,7 @@ def render_rays(
             hits.color[i, 2] = blue
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _fill_packet(packets, order, first, directions, eye, cut_above_m):
     """Write the rays `order[first : first + size]` into the packet."""
     for k in range(packets.size):
@@ -116,7 +115,7 @@ def _fill_packet(packets, order, first, directions, eye, cut_above_m):
             packets.bits[VALID + k] = 0
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _normal_at(packets, k):
     """Return the normal that Embree gave for the hit in lane `k`, of any length and side."""
     return (
@@ -126,7 +125,7 @@ def _normal_at(packets, k):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _seen_before(packets, k, i, near, seen):
     """Return the ray next to ray `i` in lane `k` if both hit the same triangle, else −1."""
     if near.shape[0] > 0 and i >= 0:
@@ -137,7 +136,7 @@ def _seen_before(packets, k, i, near, seen):
     return np.int32(-1)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _locate(packets, k, i, scene, hits):
     """Write what the hit of ray `i` in lane `k` is to `hits`; return its depth and material."""
     face = packets.bits[PRIM * packets.size + k]
@@ -149,7 +148,7 @@ def _locate(packets, k, i, scene, hits):
     return t, material
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _trace_lamp(packets, order, first, directions, eye, lamp):
     """Trace shadow rays from a packet's hits to the lamp; `FAR` of occluded ones becomes −inf."""
     shadow_rays, shadow_bits = packets.shadow_rays, packets.shadow_bits
@@ -179,7 +178,7 @@ def _trace_lamp(packets, order, first, directions, eye, lamp):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _find_footprint(packets, k, i, directions, pixel, scene, texels):
     """Compute the texture footprint of the hit of ray `i` in lane `k`, if any.
 
@@ -233,7 +232,7 @@ def _find_footprint(packets, k, i, directions, pixel, scene, texels):
         prefetch_texels(scene.pack, texels, texture, sample_u, sample_v, count, lod, step_u, step_v)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _shade(packets, k, i, directions, eye, scene, texels, light, gain, spheres, reach, hits):
     """Shade the hit of ray `i` in lane `k`, and return red, green and blue in linear light.
 

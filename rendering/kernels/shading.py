@@ -1,10 +1,9 @@
 """Shade surfaces whose hits are given: those of a robot, and pictures that OpenGL rendered."""
 
 import numpy as np
-from numba import njit
 
 from ...formats.core.arrays import F32, I64, U8
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import inlined, kernel
 from ...geometry.rays.packets import PacketHits
 from .data import FAST, UNCOUNTED, LightArrays
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side
@@ -62,7 +61,7 @@ def shade_robot(
             out[i, k] = exposed(base_linear[k] * factor, light)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def _between(corner: F32, face, w, u, v):
     """Return the mean of a triangle's three corner vectors with weights `w`, `u`, `v`."""
     return (

@@ -1,11 +1,11 @@
 """Light on a point of a surface: helpers that are inlined into kernels."""
 
 import numpy as np
-from numba import njit
 
 from ...formats.core.arrays import F32
+from ...formats.core.kernel import inlined
 from .cube_grid import CubeGrid
-from .data import LightArrays
+from .data import FAST, LightArrays
 from .vectors import blend_cells
 
 f32 = np.float32
@@ -20,7 +20,7 @@ SPHERE_REACH_M = 0.8
 SPHERE_STRENGTH = 6.0
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     """Return the trilinear value of a grid at a surface point with a unit normal.
 
@@ -52,7 +52,7 @@ def cube_at(grid: CubeGrid, x, y, z, nx, ny, nz):
     return total * grid.scale
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def room_light(nx, ny, nz, cosine, light: F32):
     """Return the factor of the fixed room shading.
 
@@ -72,7 +72,7 @@ def room_light(nx, ny, nz, cosine, light: F32):
     )
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain):
     """Return the factor by which the light scales a surface's colour.
 
@@ -103,7 +103,7 @@ def incident(x, y, z, nx, ny, nz, cosine, corners, light: LightArrays, lamp_gain
     return factor
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def exposed(value, light: LightArrays):
     """Return linear light as the camera records it: under panels and lamps with soft highlights."""
     if not light.relit:
@@ -111,7 +111,7 @@ def exposed(value, light: LightArrays):
     return f32(1.0) - np.exp(-value)
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def robot_shadow(spheres: F32, x, y, z, nx, ny, nz):
     """Return the factor by which a robot's spheres darken a surface point; see `contact_shadow`.
 
@@ -137,7 +137,7 @@ def robot_shadow(spheres: F32, x, y, z, nx, ny, nz):
     return factor
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def viewer_side(nx, ny, nz, dx, dy, dz, least):
     """Return what scales a normal to unit length on the viewer's side, and the viewing cosine.
 
@@ -154,7 +154,7 @@ def viewer_side(nx, ny, nz, dx, dy, dz, least):
     return flip, cosine
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def background(dx, dy, dz, room: F32):
     """Return red, green and blue where a ray hits nothing; `room` is `Light.parameters()`."""
     rise = dz / np.sqrt(dx * dx + dy * dy + dz * dz)

@@ -1,9 +1,9 @@
 """Texture filtering over a pixel's footprint, to be inlined into kernels."""
 
 import numpy as np
-from numba import njit
 
-from .data import TexturePack
+from ...formats.core.kernel import inlined
+from .data import FAST, TexturePack
 from .vectors import filter_texels, prefetch
 
 f32 = np.float32
@@ -19,7 +19,7 @@ U0, U1 = np.uint64(0), np.uint64(1)  # indices that need no check for negative o
 PER_SQUARE = f32(1.0 / 1023.0**2)  # texels hold 10-bit square roots
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
     """Return how to filter a texture over a pixel's footprint.
 
@@ -67,7 +67,7 @@ def footprint(pack: TexturePack, texture, du_dx, dv_dx, du_dy, dv_dy):
     return taps, lod, step_u, step_v
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def sample_texture(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, step_v):
     """Return the colour of a texture over a footprint: red, green, blue in linear light.
 
@@ -106,7 +106,7 @@ def sample_texture(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, 
     )  # fmt: skip
 
 
-@njit(inline="always", error_model="numpy")
+@inlined(error_model="numpy", fastmath=FAST)
 def prefetch_texels(pack: TexturePack, texels, texture, u, v, taps, lod, step_u, step_v):
     """Bring the texels of the first tap of `sample_texture` nearer."""
     level = np.uint64(lod)

@@ -193,7 +193,8 @@ def catch(tables, state, body, target):
             catching[n] = 0
         elif catching[n] > 0:
             catching[n] -= 1
-            target[n] = command[n]
+            for axis in range(3):
+                target[n, axis] = command[n, axis]
         elif not stepping[n] and np.hypot(body[n, 0], body[n, 1]) > rates[7]:
             catching[n] = int(rates[9]) - 1
             command[n] = 0.0
@@ -241,8 +242,10 @@ def monomials(command, factors):
 @kernel()
 def aim_at(tables, target, command):
     """Write to `command` (N, 3) what must be asked for to reach `target` (N, 3)."""
-    command[:] = target
     aim, limits, factors = tables.aim, tables.aim_limits, tables.factors
+    for n in range(len(target)):
+        for axis in range(3):
+            command[n, axis] = target[n, axis]
     if not len(aim):
         return
     terms = monomials(target, factors)

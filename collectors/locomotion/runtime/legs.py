@@ -128,7 +128,7 @@ def foot_motion(legs, foot, joints, speeds, torques, down, point, velocity):
         for i in range(3):
             position[i] += step[i]
         _multiply(rotation, legs.turn[foot, k], turned)
-        rotation[:] = turned
+        rotation, turned = turned, rotation
         if index >= 0:
             _apply(rotation, legs.anchor[foot, k], step)
             for i in range(3):
@@ -136,7 +136,7 @@ def foot_motion(legs, foot, joints, speeds, torques, down, point, velocity):
             _apply(rotation, legs.axis[foot, k], axes[k])
             _rodrigues(legs.axis[foot, k], joints[index], local)
             _multiply(rotation, local, turned)
-            rotation[:] = turned
+            rotation, turned = turned, rotation
             _apply(rotation, legs.anchor[foot, k], step)
             for i in range(3):
                 position[i] = anchors[k, i] - step[i]

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numba import njit
 from safetensors import SafetensorError
 from safetensors.numpy import load, save
 
 from ....formats.core.arrays import F32, I64, Floats
 from ....formats.core.errors import FileFormatError, brief
+from ....formats.core.kernel import kernel
 
 Layers = tuple[list[F32], list[F32]]
 
@@ -129,19 +129,20 @@ def _spans(groups: F32) -> I64:
     return np.column_stack([first, end]).astype(np.int64)
 
 
-@njit(cache=True)
+@kernel()
 def _run(seen, sizes, spans, weights, biases, work, action):
     zero = np.float32(0.0)
     count = seen.shape[0]
     here, there = work[0], work[1]
-    here[:count, : sizes[0]] = seen
-    here[:count, sizes[0] :] = zero
+    for n in range(count):
+        for i in range(here.shape[1]):
+            here[n, i] = seen[n, i] if i < sizes[0] else zero
     group, start, bias, last = 0, 0, 0, len(sizes) - 2
     for layer in range(last + 1):
         width = sizes[layer + 1]
         for n in range(count):
-            there[n, :width] = biases[bias : bias + width]
-            there[n, width:] = zero
+            for j in range(there.shape[1]):
+                there[n, j] = biases[bias + j] if j < width else zero
         for i in range(0, sizes[layer], 4):
             first, end = spans[group, 0], spans[group, 1]
             a = weights[start + first : start + end]
@@ -163,4 +164,6 @@ def _run(seen, sizes, spans, weights, biases, work, action):
                         there[n, j] = np.float32(np.exp(np.float64(there[n, j])) - 1.0)
         bias += width
         here, there = there, here
-    action[:] = here[:count, : action.shape[1]]
+    for n in range(count):
+        for j in range(action.shape[1]):
+            action[n, j] = here[n, j]

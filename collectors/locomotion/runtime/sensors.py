@@ -123,7 +123,7 @@ def _read(places, errors, memory, readings):
         ticks[n] = tick
         quat, velocity = qpos[n, root + 3 : root + 7], qvel[n, dof : dof + 3]
         if tick == 1:
-            base[n, :4], base[n, 4:] = quat, velocity
+            _keep(quat, velocity, base[n])
             for j in range(joints):
                 before[0, n, j], before[1, n, j] = qpos[n, joint_qpos[j]], qvel[n, joint_dof[j]]
         _moved(base[n, :4], quat, turn)
@@ -141,7 +141,7 @@ def _read(places, errors, memory, readings):
                 specific_bias * _normal(seed, 0, 5 * i + 4)
                 + specific * _normal(seed, tick, 5 * i + 4)
             )
-        base[n, :4], base[n, 4:] = quat, velocity
+        _keep(quat, velocity, base[n])
         for j in range(joints):
             place, speed = qpos[n, joint_qpos[j]], qvel[n, joint_dof[j]]
             joint_rad[n, j] = place + late * (before[0, n, j] - place)
@@ -152,6 +152,14 @@ def _read(places, errors, memory, readings):
             torque_nm[n, j] = force[n, actuators[j]] * (1.0 + share * _normal(seed, 0, 5 * j + 2))
             torque_nm[n, j] += noise_nm * _normal(seed, tick, 5 * j + 2)
             before[0, n, j], before[1, n, j] = place, speed
+
+
+@kernel()
+def _keep(quat, velocity, base):
+    for i in range(4):
+        base[i] = quat[i]
+    for i in range(3):
+        base[4 + i] = velocity[i]
 
 
 @kernel()
