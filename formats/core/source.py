@@ -13,7 +13,6 @@ import hashlib
 import json
 import platform
 import sys
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, packages_distributions, version
@@ -121,7 +120,7 @@ def _owners() -> dict[str, list[str]]:
     # With its time, because one version can be installed again with other packages in it.
     installed = sorted([str(path), path.stat().st_mtime_ns] for path in folders)
     # Environments that share this checkout have other packages each.
-    cached = _disk_cache()["owners"].setdefault(sys.prefix, {})
+    cached = _disk_cache().facts["owners"].setdefault(sys.prefix, {})
     if cached.get("installed") != installed:
         cached["installed"], cached["of"] = installed, dict(packages_distributions())
     return cached["of"]
@@ -157,39 +156,50 @@ def _source(module: str) -> _Source:
     path = _path(module)
     raw = path.read_bytes()
     text = hashlib.sha256(raw).hexdigest()
-    cached = _disk_cache()["modules"].get(module)
+    known = _disk_cache().facts["modules"]
+    cached = known.get(module)
     if cached is None or cached["text"] != text:
         cached = {"text": text, **_parse(module, path, raw)}
-        _disk_cache()["modules"][module] = cached
+        known[module] = cached
     # Other files decide, too, whether a name is a module.
     ours = frozenset(name for name in cached["names"] if _file(name) is not None)
     return _Source(ours, frozenset(cached["others"]), cached["digest"])
 
 
+@dataclass
+class _DiskCache:
+    """Facts of modules by the text they had, and of what is installed; and their file's content."""
+
+    facts: dict[str, Any]
+    written: str
+
+
 @cache
-def _disk_cache() -> dict[str, Any]:
-    """Return facts of modules by the text they had, and of what is installed.
-
-    They are written when the process ends: they take a second to collect, in every process that
-    uses a kernel.
-    """
-    this = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
-    path = ROOT / "__pycache__" / f"sources-{sys.implementation.cache_tag}-{this}.json"
+def _disk_cache() -> _DiskCache:
+    """Return the facts, which take seconds to collect, in every process that uses a kernel."""
     try:
-        before = path.read_text()
-        facts = json.loads(before)
+        written = _cache_path().read_text()
+        kept = _DiskCache(json.loads(written), written)
     except (OSError, ValueError):  # there is none yet
-        before, facts = "", {"modules": {}, "owners": {}}
-    atexit.register(_write_cache, path, facts, before)
-    return facts
+        kept = _DiskCache({"modules": {}, "owners": {}}, "")
+    atexit.register(write_cache)
+    return kept
 
 
-def _write_cache(path: Path, facts: dict[str, Any], before: str) -> None:
-    text = json.dumps(facts)
-    if text != before and not sys.dont_write_bytecode:
+def _cache_path() -> Path:
+    this = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:16]
+    return ROOT / "__pycache__" / f"sources-{sys.implementation.cache_tag}-{this}.json"
+
+
+def write_cache() -> None:
+    """Write what this process has found out, for those that it starts; its end does so, too."""
+    kept = _disk_cache()
+    text = json.dumps(kept.facts)
+    if text != kept.written and not sys.dont_write_bytecode:
         with contextlib.suppress(OSError):  # an installed package may be read-only
-            path.parent.mkdir(exist_ok=True)
-            write_bytes(path, text.encode())
+            _cache_path().parent.mkdir(exist_ok=True)
+            write_bytes(_cache_path(), text.encode())
+        kept.written = text
 
 
 def _parse(module: str, path: Path, raw: bytes) -> dict[str, Any]:
@@ -198,7 +208,9 @@ def _parse(module: str, path: Path, raw: bytes) -> dict[str, Any]:
     tree = ast.parse(raw)
     names: set[str] = set()
     others: set[str] = set()
-    for node in _nodes(tree):
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
         if isinstance(node, ast.Import):
             others.update(alias.name.split(".")[0] for alias in node.names)
         elif isinstance(node, ast.ImportFrom) and not node.level:
@@ -211,20 +223,19 @@ def _parse(module: str, path: Path, raw: bytes) -> dict[str, Any]:
                 name = f"{base}.{alias.name}" if base else alias.name
                 # A name is a module of its own, or it is defined in the module before it.
                 names.update(m for m in (base, name) if m)
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        elif isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             docstring = ast.get_docstring(node, clean=False)
             node.body = node.body[docstring is not None :]
+        # Expressions hold no imports and no docstrings.
+        for field in ("body", "orelse", "finalbody", "handlers", "cases"):
+            children = getattr(node, field, ())
+            if not (field == "body" and _for_types_alone(node)) and isinstance(children, list):
+                waiting += children
     digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()
     others -= set(sys.stdlib_module_names)
     return {"names": sorted(names), "others": sorted(others), "digest": digest}
 
 
-def _nodes(tree: ast.AST) -> Iterator[ast.AST]:
-    """Yield all nodes except those under `if TYPE_CHECKING`."""
-    for child in ast.iter_child_nodes(tree):
-        test = getattr(child, "test", None)
-        if isinstance(child, ast.If) and isinstance(test, ast.Name) and test.id == "TYPE_CHECKING":
-            continue
-        yield child
-        yield from _nodes(child)
+def _for_types_alone(node: ast.AST) -> bool:
+    test = getattr(node, "test", None)
+    return isinstance(node, ast.If) and isinstance(test, ast.Name) and test.id == "TYPE_CHECKING"

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from typing import Any
 
+from ...formats.core.source import write_cache
 from ..engine.signals import without_interrupts
 from .base import Executor
 
@@ -37,6 +38,7 @@ class Workers(Executor):
     def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
         """Run `function(*arguments)` in a worker."""
         if self._pool is None:
+            write_cache()  # or every worker parses the source again
             context = multiprocessing.get_context("spawn")
             self._pool = ProcessPoolExecutor(
                 self.count, mp_context=context, initializer=_lead_and_watch

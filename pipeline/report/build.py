@@ -2,14 +2,11 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.atomic import write_bytes
 from ...formats.trainers.answers import KINDS
 from ..engine.ledger import Ledger, Row
-from ..engine.work import ItemResult
 from ..stages.episodes.align_items import filter_lines
 from .dataset import dataset_plots, dataset_rows, texts_of
 from .failures import failure_figures
@@ -25,21 +22,6 @@ from .gather import (
 from .maps import ScenePaths, Track, map_figure, path_name
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures, jpeg_uri, rendered_page
-
-
-@dataclass(frozen=True)
-class ReportJob:
-    """Write the report page."""
-
-    root: Path
-    pictures: Pictures
-    out: Path
-
-    def run(self) -> ItemResult:
-        """Write the page."""
-        page = build_page(self.root, self.pictures).encode()
-        write_bytes(self.out, page)
-        return ItemResult({"bytes": len(page)})
 
 
 def build_page(root: Path, pictures: Pictures) -> str:

@@ -14,8 +14,8 @@ from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.robot_copies import robot_of_run
 from ..stages.rollouts import render_items as render
 from ..stages.rollouts.pictures_job import ClipJob, MapJob, StripJob
-from .build import ReportJob
 from .gather import left_out
+from .job import ReportJob
 from .pictures import STAGE as PICTURES_STAGE
 from .pictures import Pictures
 

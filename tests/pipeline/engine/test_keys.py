@@ -41,7 +41,7 @@ JOBS = {
     "export": "stages.datasets.export_job",
     "look": "stages.instructions.visibility",
     "mcap": "stages.datasets.mcap_job",
-    "report": "report.build",
+    "report": "report.job",
 }
 # Prints the digests of the untouched copy and after each edit alone, one JSON object a line.
 DIGESTS = """
