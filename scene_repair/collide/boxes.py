@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import U8
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import called, kernel
 from ...formats.scene.bundle import Obstacles
 from .voxels import STEPS, Voxels
 
@@ -42,13 +42,13 @@ def cover_with_boxes(voxels: Voxels, state: U8, slack: float = 0.5) -> Obstacles
 
 
 # Compiled code copies element by element: array slices would double its compile time.
-@kernel()
+@called()
 def _copy(source, target):
     for k in range(len(source)):
         target[k] = source[k]
 
 
-@kernel()
+@called()
 def _widen(state, extent, box, sides):
     """Include the voxels of `box` in the ranges of its upright sides; False if one is `NEVER`.
 
@@ -74,7 +74,7 @@ def _widen(state, extent, box, sides):
     return True
 
 
-@kernel()
+@called()
 def _grow_box(state, extent, seed, orders, row, slack, box):
     """Grow from voxel `seed` with the growth order in `orders[row]`; leaves it in `box`."""
     sides, trial = np.empty(12, dtype=np.int64), np.empty(12, dtype=np.int64)
@@ -110,7 +110,7 @@ def _grow_box(state, extent, seed, orders, row, slack, box):
             box[2 * axis + end] = place
 
 
-@kernel()
+@called()
 def _take(state, done, box, mark):
     """Count the open voxels in a box, and mark them as covered if `mark`."""
     count = 0

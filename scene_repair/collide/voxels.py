@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import I32, I64, U8, Array, Mask
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import called, kernel
 from ...formats.scene.grid import GridSpec
 
 # Extents are stored in 1/250 of a voxel: 0.2 mm at 5 cm.
@@ -78,7 +78,7 @@ def voxelise(
 
 
 # Compiled code copies element by element: array slices would double its compile time.
-@kernel()
+@called()
 def _cut(polygon, count, axis, value, sign, out):
     """Clip a convex polygon by a plane across `axis` (Sutherland and Hodgman, 1974).
 
@@ -102,7 +102,7 @@ def _cut(polygon, count, axis, value, sign, out):
     return corners
 
 
-@kernel()
+@called()
 def _ends(polygon, count, axis):
     low, high = polygon[0, axis], polygon[0, axis]
     for k in range(1, count):
@@ -111,7 +111,7 @@ def _ends(polygon, count, axis):
     return low, high
 
 
-@kernel()
+@called()
 def _slab_range(polygon, count, axis, size):
     low, high = _ends(polygon, count, axis)
     first = int(np.floor(low))
@@ -120,7 +120,7 @@ def _slab_range(polygon, count, axis, size):
     return max(first, 0), min(last, size - 1)
 
 
-@kernel()
+@called()
 def _slab(polygon, count, axis, low, high, scratch, out):
     corners = _cut(polygon, count, axis, low, 1.0, scratch)
     if corners == 0:
@@ -128,7 +128,7 @@ def _slab(polygon, count, axis, low, high, scratch, out):
     return _cut(scratch, corners, axis, high, -1.0, out)
 
 
-@kernel()
+@called()
 def _mark(polygon, count, axis, base, extent, voxel):
     """Widen the stored extent of a voxel (i, j, k) along one axis by what lies in it."""
     lower, upper = extent

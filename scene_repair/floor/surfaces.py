@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import I32, I64, Array, Mask
-from ...formats.core.kernel import kernel
+from ...formats.core.kernel import called, kernel
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
 
@@ -93,7 +93,7 @@ def _hidden(start, z, marked, stack):
     return hidden
 
 
-@kernel()
+@called()
 def _root(parent, k):
     while parent[k] != k:
         parent[k] = parent[parent[k]]

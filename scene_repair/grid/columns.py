@@ -95,25 +95,39 @@ def top_faces(vertices_m: Array, faces: I64, corner_uv: F32, grid: GridSpec) -> 
     columns = sample_columns(vertices_m, faces, grid)
     face = np.full(grid.shape, -1, dtype=np.int32)
     uv = np.zeros((*grid.shape, 2), dtype=np.float32)
-    cells = np.flatnonzero(np.diff(columns.start))
-    top = columns.z[columns.start[cells + 1] - 1]
-    # Of faces in one place the first is taken.
-    highest = columns.z == np.repeat(top, np.diff(columns.start)[cells])
-    _, first = np.unique(columns.cell[highest], return_index=True)
-    hit = columns.face[highest][first]
-    face.ravel()[cells] = hit
-    row, column = np.divmod(cells, grid.columns)
-    center = np.stack([column, row], axis=1) + 0.5
-    a, b, c = ((vertices_m[faces[hit, k], :2] - grid.origin_xy_m) / grid.cell_m for k in range(3))
-    area = _cross(b - a, c - a)
-    u, v = _cross(b - center, c - center) / area, _cross(c - center, a - center) / area
-    weights = np.stack([u, v, 1.0 - u - v], axis=1)
-    uv.reshape(-1, 2)[cells] = np.einsum("ck,ckd->cd", weights, corner_uv[hit])
+    hits = (columns.start, columns.z, columns.face)
+    scaled = (vertices_m[:, :2] - grid.origin_xy_m) / grid.cell_m
+    triangles = (scaled, np.ascontiguousarray(faces, dtype=np.int64), corner_uv)
+    _find_top(hits, triangles, face, uv)
     return face, uv
 
 
-def _cross(p: Array, q: Array) -> Array:
-    return p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
+# Faces without an area in the grid are never hit.
+@kernel(error_model="numpy")
+def _find_top(hits, triangles, face_out, uv_out):
+    start, z, face = hits
+    points, faces, corner_uv = triangles
+    rows, columns = face_out.shape
+    for i in range(rows):
+        for j in range(columns):
+            cell = i * columns + j
+            k = start[cell + 1] - 1
+            if k < start[cell]:
+                continue
+            # Of faces in one place the first is taken.
+            while k > start[cell] and z[k - 1] == z[k]:
+                k -= 1
+            f, x, y = face[k], j + 0.5, i + 0.5
+            ax, ay = points[faces[f, 0], 0], points[faces[f, 0], 1]
+            bx, by = points[faces[f, 1], 0], points[faces[f, 1], 1]
+            cx, cy = points[faces[f, 2], 0], points[faces[f, 2], 1]
+            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+            u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
+            v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
+            face_out[i, j] = f
+            for d in range(2):
+                uv = u * corner_uv[f, 0, d] + v * corner_uv[f, 1, d]
+                uv_out[i, j, d] = uv + (1.0 - u - v) * corner_uv[f, 2, d]
 
 
 @kernel()

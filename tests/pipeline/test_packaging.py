@@ -31,7 +31,7 @@ LAYERS = {
 PACKAGES = sorted(LAYERS)
 MAX_POSITIONAL = 7
 # Decorators of compiled functions: numba knows no keyword-only parameters and passes no records.
-COMPILED = {"inlined", "intrinsic", "kernel", "njit"}
+COMPILED = {"called", "inlined", "intrinsic", "kernel", "njit"}
 
 
 @pytest.mark.chain

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array, Mask
-from ....formats.core.kernel import kernel
+from ....formats.core.kernel import called, kernel
 from ...robots import RobotHandles
 from .gait import RATE_HZ
 from .legs import GRAVITY_M_S2, Legs, dot, foot_motion
@@ -154,7 +154,7 @@ def _update(readings, legs, memory, body):
             body[n, 9 + i], body[n, 9 + joints + i] = joint_rad[n, i], joint_rad_s[n, i]
 
 
-@kernel()
+@called()
 def _turn_back(turn, vector):
     """Turn a vector by minus a small rotation vector, to the second order."""
     a, b, c = turn[0], turn[1], turn[2]
@@ -165,7 +165,7 @@ def _turn_back(turn, vector):
     vector[2] = z + k + 0.5 * (i * b - j * a)
 
 
-@kernel()
+@called()
 def _correct(gyro, bias, point, speed, share, velocity, variances, n):
     """Correct a velocity by that of a foot's skin, which counts for `share` of one that stands."""
     x, y, z = gyro[0] - bias[0], gyro[1] - bias[1], gyro[2] - bias[2]

@@ -8,7 +8,7 @@ import numpy as np
 from ....formats.core.arrays import I64, Array
 from ....formats.core.errors import InputError
 from ....formats.core.frames import quat_to_matrix
-from ....formats.core.kernel import kernel
+from ....formats.core.kernel import called, kernel
 from ...robots import RobotHandles
 
 GRAVITY_M_S2 = 9.81
@@ -200,33 +200,33 @@ SOLE_M = 0.005  # soles this much higher than the lowest one count 1/e as much
 DAMPING_M2 = 1e-4  # a straight leg carries weight without any torque
 
 
-@kernel()
+@called()
 def _apply(matrix, vector, out):
     for i in range(3):
         out[i] = matrix[i, 0] * vector[0] + matrix[i, 1] * vector[1] + matrix[i, 2] * vector[2]
 
 
-@kernel()
+@called()
 def _multiply(a, b, out):
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@kernel()
+@called()
 def dot(a, b):
     """Return the dot product of two vectors (3,)."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel()
+@called()
 def _cross(a, b, out):
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
 
 
-@kernel()
+@called()
 def _rodrigues(axis, angle, out):
     """Write the rotation about a unit axis."""
     sine, cosine = np.sin(angle), np.cos(angle)

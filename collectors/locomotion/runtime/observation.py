@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array
-from ....formats.core.kernel import kernel
+from ....formats.core.kernel import called, kernel
 from ...robots import RobotHandles
 
 
@@ -92,7 +92,7 @@ def past_steps(blocks: list[tuple[str, int]]) -> int:
     return sum(name.startswith("previous_action_") for name, _ in blocks)
 
 
-@kernel()
+@called()
 def to_base(quat, vector, out):
     """Write a world vector in the frame of an orientation to the first three of `out`."""
     # v' = v − 2w (q × v) + 2 q × (q × v), the inverse rotation.
@@ -126,7 +126,7 @@ def true_body(qpos, qvel, places, out):
             out[n, 9 + joints + i] = qvel[n, joint_dof[i]]
 
 
-@kernel()
+@called()
 def observe(body, default, command, clock, action, remembers, seen):
     """Write the observations (N, D) of N robots in the order of `layout`.
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array, Mask
-from ....formats.core.kernel import kernel
+from ....formats.core.kernel import called, kernel
 from ...robots import RobotHandles
 from .estimator import Readings
 from .gait import RATE_HZ
@@ -154,7 +154,7 @@ def _read(places, errors, memory, readings):
             before[0, n, j], before[1, n, j] = place, speed
 
 
-@kernel()
+@called()
 def _keep(quat, velocity, base):
     for i in range(4):
         base[i] = quat[i]
@@ -162,7 +162,7 @@ def _keep(quat, velocity, base):
         base[4 + i] = velocity[i]
 
 
-@kernel()
+@called()
 def _moved(old, new, out):
     """Write the rotation vector between two orientations, in the frame of either."""
     w = old[0] * new[0] + old[1] * new[1] + old[2] * new[2] + old[3] * new[3]
@@ -175,7 +175,7 @@ def _moved(old, new, out):
         out[i] *= factor if w > 0.0 else -factor
 
 
-@kernel()
+@called()
 def _normal(seed, tick, channel):
     """Return a standard normal number that depends on nothing but the arguments (SplitMix64)."""
     z = np.uint64(seed) + np.uint64(tick * 1024 + channel + 1) * np.uint64(0x9E3779B97F4A7C15)
