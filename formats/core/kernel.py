@@ -14,10 +14,13 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
-from numba.core import config
+from numba.core import config, event
 from numba.core.compiler_lock import global_compiler_lock
 
 from .source import ROOT, code_digest
+
+_compiling = event.TimingListener()
+event.register("numba:compile", _compiling)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -56,6 +59,11 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return cast(Function, dispatcher)
 
     return decorate
+
+
+def compile_seconds() -> float:
+    """Return the wall time in which this process has compiled kernels; loading them is no part."""
+    return _compiling.duration if _compiling.done else 0.0
 
 
 def called(**options: Any) -> Callable[[Function], Function]:

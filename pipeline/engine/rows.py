@@ -18,6 +18,7 @@ class Row:
         outputs: produced files and folders, relative to the ledger's folder.
         seconds: wall time it took.
         cpu_seconds: CPU time it took, of all threads; 0 in rows written before it was kept.
+        compile_seconds: wall time of it in which numba compiled kernels.
         facts: whatever later stages and the report want to know (JSON values).
         error: `type` and `reason` of a quarantined item.
         current: whether the latest run asked for it. Rows of earlier options stay, so that going
@@ -33,6 +34,7 @@ class Row:
     outputs: tuple[str, ...] = ()
     seconds: float = 0.0
     cpu_seconds: float = 0.0
+    compile_seconds: float = 0.0
     facts: dict[str, Any] = field(default_factory=dict)
     error: dict[str, str] = field(default_factory=dict)
     current: bool = True
@@ -59,6 +61,7 @@ class StageSummary:
     quarantined: int = 0
     seconds: float = 0.0
     rows: list[Row] = field(default_factory=list)
+    compile_seconds: float = 0.0
 
     def counts(self) -> dict[str, int | float]:
         """Return plain numbers for tables and `--json`."""
@@ -75,6 +78,7 @@ class StageSummary:
             self.quarantined + other.quarantined,
             self.seconds + other.seconds,
             [*self.rows, *other.rows],
+            self.compile_seconds + other.compile_seconds,
         )
 
     def good(self) -> dict[str, Row]:
@@ -84,6 +88,7 @@ class StageSummary:
     def count(self, row: Row) -> None:
         """Add an item that this run did."""
         self.rows.append(row)
+        self.compile_seconds += row.compile_seconds
         self.done += row.status == "done"
         self.failed += row.failed
         self.quarantined += row.status == "quarantined"

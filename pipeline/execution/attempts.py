@@ -21,6 +21,7 @@ TRANSIENT = frozenset(
     {"WorkerDiedError", "ModelError", "ModelDownError", "BudgetError", "PolicyError"}
 )
 
+KERNELS = f"{__name__.split('.')[0]}.formats.core.kernel"
 
 MACHINES_LOST = 5  # in a row; an item that kills a machine each time must not go on for ever
 
@@ -36,12 +37,14 @@ class Outcome:
     Attributes:
         seconds: Wall time that it took [s].
         cpu_seconds: CPU time that it took, of all threads [s].
+        compile_seconds: Wall time in which it compiled kernels [s].
         files: Records of the files of its outputs, by output.
     """
 
     result: ItemResult = field(default_factory=ItemResult)
     seconds: float = 0.0
     cpu_seconds: float = 0.0
+    compile_seconds: float = 0.0
     files: dict[Path, Records] = field(default_factory=dict)
     error: BaseException | None = None
     traceback: str = ""
@@ -184,9 +187,15 @@ def keep_mujoco_from_writing() -> None:
         config.set()
 
 
+def _compile_seconds() -> float:
+    kernel = sys.modules.get(KERNELS)  # takes long to import, and not every job uses it
+    return kernel.compile_seconds() if kernel else 0.0
+
+
 def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
     """Run a job in this process, and record the files that it wrote."""
     started, cpu_started = time.perf_counter(), time.process_time()
+    compiled_before = _compile_seconds()
     keep_mujoco_from_writing()
     try:
         with allow_threads(threads):
@@ -194,7 +203,8 @@ def attempt(job: Job, outputs: Sequence[Path], threads: int) -> Outcome:
         seconds = time.perf_counter() - started
         cpu_seconds = time.process_time() - cpu_started
         # Now, while the files are still in the page cache.
-        return Outcome(result, seconds, cpu_seconds, all_records(outputs))
+        compiled = _compile_seconds() - compiled_before
+        return Outcome(result, seconds, cpu_seconds, compiled, all_records(outputs))
     except Exception as error:
         text = traceback.format_exc()
         return Outcome(error=_portable(error), traceback=text)

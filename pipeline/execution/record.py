@@ -54,6 +54,7 @@ def _row(stage: str, item: WorkItem, outcome: Outcome, root: Path) -> Row:
             outputs=tuple(os.path.relpath(p, root) for p in item.outputs),
             seconds=outcome.seconds,
             cpu_seconds=outcome.cpu_seconds,
+            compile_seconds=outcome.compile_seconds,
             facts=outcome.result.facts,
         )
     if isinstance(error, OSError) and error.errno in FATAL_ERRNO:

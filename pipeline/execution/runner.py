@@ -222,9 +222,9 @@ def _run_only(
 
 
 def _note(summary: StageSummary) -> str:
-    return counted(
-        {"quarantined": summary.quarantined, "failed": summary.failed, "reused": summary.reused}
-    )
+    counts = {"quarantined": summary.quarantined, "failed": summary.failed}
+    counts |= {"reused": summary.reused, "seconds of compiling": round(summary.compile_seconds)}
+    return counted(counts)
 
 
 def counted(counts: Mapping[str, int]) -> str:

@@ -43,7 +43,7 @@ def write(folder: RunFolder, context: Context, summaries: list[StageSummary]) ->
 def _untimed(row: Row) -> Row:
     """Return a row without what differs from one run to the next of the same work."""
     facts = {key: value for key, value in row.facts.items() if key not in TIMES}
-    return replace(row, seconds=0.0, cpu_seconds=0.0, facts=facts)
+    return replace(row, seconds=0.0, cpu_seconds=0.0, compile_seconds=0.0, facts=facts)
 
 
 def _pictures(

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 from mcap.reader import make_reader
 
 # How long work took, and digests of encoded files.
-TIMED = {"seconds", "cpu_s", "cpu_seconds", "sha256", "files"}
+TIMED = {"seconds", "cpu_s", "cpu_seconds", "compile_seconds", "sha256", "files"}
 LEDGER = {"manifest.json", "manifest.journal.jsonl"}
 
 
