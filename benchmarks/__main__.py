@@ -41,6 +41,7 @@ PAGE = ROOT / "benchmarks" / "README.md"
 # In the page's order. All but the first read what the first collected.
 SECTIONS: dict[str, Callable[[Path], str]] = {
     "chain": chain.report,
+    "first_run": chain.first_run,
     "throughput": throughput.report,
     "memory": memory.report,
     "physics": lambda run: physics.report(scenes(run)),
