@@ -57,7 +57,7 @@ def report(run: Path) -> str:
 
 def first_run(run: Path) -> str:
     """Collect with empty caches, then with another seed; return a Markdown section."""
-    names = "HOME XDG_CACHE_HOME NUMBA_CACHE_DIR MPLCONFIGDIR PYTHONPYCACHEPREFIX".split()
+    names = ["HOME", "XDG_CACHE_HOME", "NUMBA_CACHE_DIR", "MPLCONFIGDIR", "PYTHONPYCACHEPREFIX"]
     stages, compiling = (Counter[str](), Counter[str]()), Counter[str]()
     with tempfile.TemporaryDirectory(dir=run.parent) as folder:
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}

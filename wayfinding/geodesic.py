@@ -45,7 +45,6 @@ def line_is_free(free: Mask, row: int, column: int, to_row: int, to_column: int)
     return True
 
 
-@kernel()
 def taut_distances(
     free: Mask, row: int, column: int, offset_row: float, offset_column: float
 ) -> Array:
@@ -56,11 +55,17 @@ def taut_distances(
         row, column: the source point's cell, which must be free.
         offset_row, offset_column: where it lies from the cell's centre [cells]; within ±0.5.
     """
+    distance, closed = np.full(free.shape, np.inf), np.zeros(free.shape, np.bool_)
+    parents = np.full((2, *free.shape), -1, np.int32)
+    _search(free, (row, column), (offset_row, offset_column), distance, closed, *parents)
+    return distance
+
+
+# Arrays that a kernel makes itself would take a quarter of its compile time.
+@kernel()
+def _search(free, source, offset, distance, closed, parent_row, parent_column):
     rows, columns = free.shape
-    distance = np.full((rows, columns), np.inf)
-    parent_row = np.full((rows, columns), -1, np.int32)
-    parent_column = np.full((rows, columns), -1, np.int32)
-    closed = np.zeros((rows, columns), np.bool_)
+    (row, column), (offset_row, offset_column) = source, offset
     distance[row, column] = np.hypot(offset_row, offset_column)
     parent_row[row, column] = row
     parent_column[row, column] = column
@@ -98,4 +103,3 @@ def taut_distances(
                     distance[nr, nc] = through
                     parent_row[nr, nc], parent_column[nr, nc] = r, c
                 heapq.heappush(heap, (distance[nr, nc], nr, nc))
-    return distance

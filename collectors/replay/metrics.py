@@ -40,7 +40,10 @@ def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
 @kernel()
 def _least_cost(cost):
     """Return the least sum over a matrix from corner to corner, by steps down, right, or both."""
-    total = np.cumsum(cost[0])
+    total = np.empty(cost.shape[1])
+    total[0] = cost[0, 0]
+    for j in range(1, len(total)):
+        total[j] = total[j - 1] + cost[0, j]
     for i in range(1, len(cost)):
         diagonal, total[0] = total[0], total[0] + cost[i, 0]
         for j in range(1, len(total)):

@@ -60,7 +60,8 @@ def connected(cell: I64, z_m: Array, grid: GridSpec, step_m: float) -> I64:
     most `step_m`.
     """
     start = np.searchsorted(cell, np.arange(grid.rows * grid.columns + 1))
-    parent = _connect(start, z_m, grid.rows, grid.columns, step_m)
+    parent = np.arange(len(z_m))
+    _connect(start, z_m, (grid.rows, grid.columns), step_m, parent)
     return np.unique(parent, return_inverse=True)[1].astype(np.int64)
 
 
@@ -102,9 +103,9 @@ def _root(parent, k):
 
 
 @kernel()
-def _connect(start, z, rows, columns, step):
+def _connect(start, z, shape, step, parent):
     """Connect samples in neighbouring cells whose heights differ by at most `step`."""
-    parent = np.arange(len(z))
+    rows, columns = shape
     for i in range(rows):
         for j in range(columns):
             cell = i * columns + j
@@ -123,4 +124,3 @@ def _connect(start, z, rows, columns, step):
                                 parent[max(a, b)] = min(a, b)
     for k in range(len(z)):
         parent[k] = _root(parent, k)
-    return parent
