@@ -66,8 +66,11 @@ def clustered_interval(
         return _exact(mean, paths)
     if paths < LEAST_PATHS:
         return Interval(mean, np.nan, np.nan)
-    # (T, 2) sum and count of each trajectory, one array per scene.
-    totals = [np.array([(sum(v), len(v)) for v in scene.values()]) for scene in groups.values()]
+    # (2, T) sums and counts of the trajectories, one array per scene.
+    totals = [
+        np.array([[*map(sum, scene.values())], [*map(len, scene.values())]], np.float64)
+        for scene in groups.values()
+    ]
     block = max(1, _BLOCK // paths)
     means = np.concatenate(
         [
@@ -84,12 +87,13 @@ def _resampled_means(
 ) -> NDArray[np.float64]:
     """Return the means (count,) of as many draws of scenes, and of trajectories within them."""
     drawn = rng.integers(len(totals), size=(count, len(totals)))
-    sums = np.zeros((count, 2))
+    sums = np.zeros((2, count))
     for scene, paths in enumerate(totals):
         draws = np.nonzero(drawn == scene)[0]  # a draw that has the scene twice is here twice
-        chosen = rng.integers(len(paths), size=(len(draws), len(paths)))
-        np.add.at(sums, draws, paths[chosen].sum(axis=1))
-    return sums[:, 0] / sums[:, 1]
+        chosen = rng.integers(paths.shape[1], size=(len(draws), paths.shape[1]))
+        for total, per_path in zip(sums, paths, strict=True):
+            total += np.bincount(draws, per_path[chosen].sum(axis=1), count)
+    return sums[0] / sums[1]
 
 
 def _exact(mean: float, paths: int) -> Interval:
