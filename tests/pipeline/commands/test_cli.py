@@ -44,13 +44,26 @@ finally:
 """
 
 
-def help_and_modules(verb: str) -> list[str]:
-    """Lines of a command's help; the last one lists the modules that were imported for it."""
-    words = [verb] if verb else []
-    command = [sys.executable, "-c", SHOW_MODULES, *words, "--help"]
-    done = subprocess.run(command, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()
+SHOW_HELP = """
+import contextlib, io, json, sys
+from vlnpe.pipeline.cli import main
+
+shown = {}
+for verb in sys.argv[1:]:
+    with contextlib.redirect_stdout(io.StringIO()) as text:
+        try:
+            main([*verb.split(), "--help"])
+        except SystemExit as end:
+            shown[verb] = end.code, text.getvalue(), sorted(sys.modules)
+print(json.dumps(shown))
+"""
+
+
+@pytest.fixture(scope="module")
+def helps() -> dict[str, tuple[int, str, list[str]]]:
+    """Exit code and text of every command's help, and the modules that are imported by then."""
+    command = [sys.executable, "-c", SHOW_HELP, "", *VERBS]
+    return json.loads(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
 
 
 @pytest.mark.parametrize("name", VERBS)
@@ -64,11 +77,11 @@ def test_table_agrees_with_the_commands(name: str) -> None:
 
 @pytest.mark.chain
 @pytest.mark.parametrize("name", ["", *VERBS])
-def test_help_imports_nothing_heavy(name: str) -> None:
-    *text, loaded = help_and_modules(name)
-    assert any(f"usage: vlnpe {name}".strip() in line for line in text)
-    assert {module.split(".")[0] for module in loaded.split()} & HEAVY == set()
-    assert [m for m in loaded.split() if m.startswith("vlnpe.pipeline.commands")] == []
+def test_help_imports_nothing_heavy(name: str, helps) -> None:
+    code, text, loaded = helps[name]
+    assert code == 0 and f"usage: vlnpe {name}".strip() in text
+    assert {module.split(".")[0] for module in loaded} & HEAVY == set()
+    assert [m for m in loaded if m.startswith("vlnpe.pipeline.commands")] == []
 
 
 def test_help_of_evaluate_names_every_policy(
@@ -101,8 +114,10 @@ def test_help_has_a_command_s_own_options_first_each_in_one_paragraph(
     assert not any("None" in line for line in lines)
 
 
-def test_help_lists_every_command() -> None:
-    *text, _ = help_and_modules("")
+def test_help_lists_every_command(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["--help"])
+    text = capsys.readouterr().out.splitlines()
     listed = [line.split()[0] for line in text if line.startswith("    ") and line[4] != " "]
     assert [name for name in listed if name in VERBS] == list(VERBS)
 
