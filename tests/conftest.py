@@ -10,6 +10,7 @@ from types import ModuleType
 import pytest
 from hypothesis import HealthCheck, settings
 
+from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from tests.support.signals import let_children_have_defaults
 from vlnpe.formats.scene.bundle import SceneBundle
@@ -90,9 +91,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Start files with slow tests first: workers take whole files, and should end together."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
+    """Start files with long tests first: workers take whole files, and should end together."""
+    slow, chain = (
+        {item.path for item in items if item.get_closest_marker(mark)} for mark in ("slow", "chain")
+    )
+    items.sort(key=lambda item: (item.path not in slow, item.path not in chain))
 
 
 @pytest.fixture(scope="session")
@@ -118,6 +121,12 @@ def no_mujoco_log() -> None:
     import mujoco  # noqa: F401 - so that it is loaded
 
     keep_mujoco_from_writing()
+
+
+@pytest.fixture
+def inline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let commands work in this process: a worker takes seconds to start."""
+    monkeypatch.setattr("vlnpe.pipeline.execution.settings.Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")

@@ -134,6 +134,7 @@ def test_an_edited_robot_does_its_work_again_and_a_moved_one_does_not(
     assert keys(rover) != first
 
 
+@pytest.mark.usefixtures("inline")
 def test_a_run_keeps_its_robot_and_renders_it_anywhere(tmp_path: Path):
     scenes = tmp_path / "scenes"
     bundle = write_two_rooms(scenes / "two_rooms")

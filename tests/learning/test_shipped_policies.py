@@ -61,6 +61,7 @@ def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> 
     assert "cma was trained on controller flash, not on speed" in caplog.text
 
 
+@pytest.mark.usefixtures("inline")
 def test_it_is_evaluated_by_name_and_sees_through_its_own_camera(
     walks: Walks, run: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from tests.learning.conftest import Walks
 from tests.learning.test_closed_loop import RECIPE, SMALL
-from tests.support.runs.work import InlineWorkers
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig
 from vlnpe.formats.core.atomic import file_digest
@@ -19,15 +18,10 @@ from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.learning.card import read_card
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import settings as executors
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.similarity import path_gap
 
-
-@pytest.fixture(autouse=True)
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in this process: a worker takes seconds to start."""
-    monkeypatch.setattr(executors, "Workers", InlineWorkers)
+pytestmark = pytest.mark.usefixtures("inline")
 
 
 def recipe(tmp_path: Path, **train: object) -> str:

@@ -26,7 +26,7 @@ from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import sample_episodes
 from vlnpe.wayfinding.planning import plan_path, segments_free, simplify_path
 
-pytestmark = pytest.mark.chain
+pytestmark = [pytest.mark.chain, pytest.mark.usefixtures("inline")]
 
 RADIUS_M = 0.30
 SEED = 0

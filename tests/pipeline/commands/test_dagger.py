@@ -9,13 +9,13 @@ import pyarrow.parquet as pq
 import pytest
 
 from tests.collectors.test_replay import make_episode
-from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import settings as executors
+
+pytestmark = pytest.mark.usefixtures("inline")
 
 
 @pytest.fixture(scope="module")
@@ -30,12 +30,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         [replace(e, split="train", instruction="Go through the door.") for e in paths],
     )
     return run
-
-
-@pytest.fixture(autouse=True)
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in this process: a worker takes seconds to start."""
-    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 def walked(run: Path, out: Path, *options: str) -> int:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from PIL import Image
 
 from tests.pipeline.commands.test_bad_input import room, write_mesh
-from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.core.frames import world_to_habitat_position
 from vlnpe.formats.core.geometry import point_along
@@ -25,15 +24,11 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.stages.rollouts.replay_items import item_names
 
+pytestmark = pytest.mark.usefixtures("inline")
+
 COMMON = ("--min-length-m", "4", "--min-gap-m", "0.8", "--family-gap-m", "1.0")
-
-
-@pytest.fixture(autouse=True)
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,6 @@ from mcap.reader import make_reader
 
 from tests.collectors.test_replay import make_episode
 from tests.support.misbehaving_server import Server, completion
-from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.evaluation.results import COLUMNS
 from vlnpe.formats.core.errors import InputError
@@ -26,7 +25,6 @@ from vlnpe.formats.core.flags import FlagFile
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.execution import settings as executors
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +37,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (run / "episodes").mkdir()
     write_episodes(run / "episodes" / "val.json.gz", seen)
     return run
-
-
-@pytest.fixture
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Work in this process: a worker takes seconds to start."""
-    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 @pytest.mark.usefixtures("inline")

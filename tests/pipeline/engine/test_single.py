@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.runs.work import InlineWorkers
 from vlnpe.formats.core.atomic import write_bytes
 from vlnpe.formats.core.errors import InputError
 from vlnpe.pipeline.context import LEDGERS, open_single, run_single
 from vlnpe.pipeline.engine.work import ItemResult, WorkItem
-from vlnpe.pipeline.execution import settings as executors
+
+pytestmark = pytest.mark.usefixtures("inline")
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,6 @@ class Count:
             raise InputError(f"{self.out}: bad input")
         write_bytes(self.out, f"run {times}".encode())
         return ItemResult({"times": times})
-
-
-@pytest.fixture(autouse=True)
-def inline(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(executors, "Workers", InlineWorkers)
 
 
 def once(folder: Path, key: str = "a", stage: str = "count", fail: bool = False) -> int:
