@@ -40,7 +40,7 @@ def cloud(capture: Path) -> GaussianCloud:
 
 @pytest.fixture(scope="module")
 def truth() -> TrueScene:
-    return build_scene(np.random.default_rng(SEED), ApartmentConfig())
+    return build_scene(np.random.default_rng(SEED), ApartmentConfig(), painted=False)
 
 
 def test_it_is_a_splat_file_with_labels_and_truth(capture: Path) -> None:

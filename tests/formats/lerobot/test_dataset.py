@@ -293,8 +293,9 @@ def test_small_files_split_and_times_stay_exact(tmp_path: Path, rate: int) -> No
     ]
     assert files[0] != files[1]
     for i in range(0, len(single), 1 if rate == 4 else 7):
+        one, other = split[i], single[i]
         for key in (RGB, DEPTH, "action", "index", "timestamp"):
-            np.testing.assert_array_equal(split[i][key], single[i][key])
+            np.testing.assert_array_equal(one[key], other[key])
 
 
 @pytest.mark.parametrize("writer", ["vlnpe", "lerobot"])
