@@ -68,7 +68,8 @@ def compile_seconds() -> float:
 
 def called(**options: Any) -> Callable[[Function], Function]:
     """Return a decorator for a function that only kernels call: it is compiled with them."""
-    return cast(Any, numba.njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options))
+    njit: Any = numba.njit
+    return njit(no_cpython_wrapper=True, no_cfunc_wrapper=True, **options)
 
 
 def inlined(**options: Any) -> Callable[[Function], Function]:
