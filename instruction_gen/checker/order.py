@@ -141,6 +141,9 @@ class _Walk:
             mask = mask & spread(through, self.along, 0.3)
             if not mask.any():
                 return f"the {claim.text} is not behind that doorway"
+        pair = claim.place == before.place == "between" and self.index > 0
+        if pair and not self.ground.flank(before, claim):
+            return f"one does not pass between the {before.name} and the {claim.name}"
         if claim.kind in ("in", "leave") and claim.name and self._starts_outside(claim):
             return f"the path does not start in the {claim.name}"
         if claim.kind in ("enter", "door") and self.within:
@@ -309,6 +312,12 @@ class _Walk:
             reason = ground.stopped_at_door(claim)
         else:
             reason = ground.stopped_at(claim) if claim.what == "thing" else ""
+        before = self.claims[self.index - 1]
+        if not reason and claim.place == before.place == "between" and self.index > 0:
+            parted = ground.flank(before, claim, at_end=True)
+            reason = (
+                "" if parted else f"the path does not end between {before.name} and {claim.name}"
+            )
         if reason := reason or self._elsewhere(claim):
             return reason
         end = ground.between(ground.length_m - 0.3, ground.length_m)

@@ -26,6 +26,7 @@ _VISIBLE_PIXELS = 12
 _SIDE_DEG = (8.0, 172.0)
 _CLEAR_SIDE_DEG = 25.0
 _BEHIND_DEG, _FRONT_DEG = 130.0, 75.0
+_FLANKS_DEG = 70.0  # between two things that are at least so far apart
 
 
 class Things:
@@ -118,6 +119,16 @@ class Things:
         elif not claim.side:
             last &= (bearing <= 140.0) | (self.near_m <= 1.4)
         return last
+
+    def flank(self, claim: Claim, other: Claim, at_end: bool = False) -> bool:
+        """Return whether the walker has two things on different sides, on the way or at the end."""
+        sides = []
+        for rows in (self.meant(claim), self.meant(other)):
+            near = self.near_m[rows] <= BESIDE_M
+            near[:, : -2 if at_end else 0] = False
+            sides.append(np.where(near, self.facing[rows], np.nan))
+        apart = np.abs((sides[0][:, None] - sides[1][None] + 180.0) % 360.0 - 180.0)
+        return bool((apart >= _FLANKS_DEG).any())
 
     def stop_in_view(self, claim: Claim) -> Mask:
         """Return where a thing that the path stops at is in view."""

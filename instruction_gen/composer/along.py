@@ -8,7 +8,7 @@ from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .names import Names
 from .records import Event, Taste
-from .refer import DOORLESS, PASS_DOOR_M, at_start, passed, walked_over
+from .refer import PASS_DOOR_M, at_start, passed, walked_over
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
@@ -101,12 +101,7 @@ def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) ->
         visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
         others = [room for room in mark.leads if room not in entered]
         here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
-        clear = (
-            len(others) == 1
-            and others[0] not in DOORLESS
-            and visit.room in mark.leads
-            and mark.name not in names.names
-        )
+        clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
         if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
             names.names.add(mark.name)
             return [Event("pass_door", mark.along_m, C=names.name(others[0]), s=mark.side)]

@@ -89,7 +89,7 @@ class Names:
             and (at_hand(m, mark) if at_goal else in_row(m, mark))
         ]  # fmt: skip
         room = [m for m in self.facts.landmarks if m.room == mark.room and m.noun == mark.noun]
-        if len(room) > _MOST_ALIKE:
+        if len(room) > _MOST_ALIKE or (together and at_goal):  # the goal is at one of them
             return None
         if together:
             look = ""

@@ -9,7 +9,7 @@ from ..facts.records import LandmarkFact, Moment, PathFacts
 PASS_M, PASS_DOOR_M = 2.0, 1.8
 STOP_M, STOP_AT_M = 1.9, 1.2  # of the nearest thing, of any other
 _TURN_M = 1.7
-DOORLESS = frozenset(("stairwell",))  # rooms behind an opening that nobody calls a door
+_NEW_M = 1.5  # who walks farther toward a thing in view takes it for no cue
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
@@ -48,10 +48,17 @@ def at_turn(mark: LandmarkFact, along_m: float) -> float | None:
     near = [m.distance_m for m in mark.moments if abs(m.along_m - along_m) <= 0.3 and m.open]
     if not (mark.nameable and near and min(near) <= _TURN_M) or mark.count > 1:
         return None
-    # It must be ahead right before the turn, or it would be no landmark for the turn.
-    low_m, high_m = along_m - 2.0, along_m - 0.3
-    ahead = any(low_m <= m.along_m <= high_m and abs(m.facing_deg) < 75.0 for m in mark.moments)
-    return min(near) if ahead else None
+    # It must be ahead before the turn, or it would be no landmark for the turn.
+    before = moment_at(mark, along_m - 1.0)
+    return min(near) if before is not None and abs(before.facing_deg) < 50.0 else None
+
+
+def new_in_view(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
+    """Return how far a thing ahead is that comes into view right before a place [m], else None."""
+    early = (
+        m.open or m.pixels >= _SEEN_PIXELS for m in mark.moments if m.along_m < along_m - _NEW_M
+    )
+    return None if any(early) else in_view(mark, facts, along_m, 30.0, 4.0)
 
 
 def in_view(

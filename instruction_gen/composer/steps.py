@@ -12,7 +12,7 @@ from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
-from .refer import DOORLESS, PASS_DOOR_M, at_turn, in_view
+from .refer import PASS_DOOR_M, at_turn, in_view, new_in_view
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
@@ -73,8 +73,7 @@ def _counts(passage: PassageFact, facts: PathFacts) -> bool:
         and from_m < mark.along_m < passage.along_m - 0.5
     ]
     own = [leads for leads in row if passage.from_room in leads]
-    open_ = any(DOORLESS.intersection(leads) for leads in row)
-    return not open_ and passage.ordinal == 1 + len(own)
+    return passage.ordinal == 1 + len(own)
 
 
 def _left(passage: PassageFact, facts: PathFacts) -> VisitFact:
@@ -130,7 +129,7 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
             ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
-            ("cue", lambda m: in_view(m, facts, along - 1.0, 30.0, 3.2) if along > 1.2 else None),
+            ("cue", lambda m: new_in_view(m, facts, along - 1.0) if along > 1.2 else None),
         ]
         for number in names.rng.permutation(len(options)):
             kind, near = options[number]

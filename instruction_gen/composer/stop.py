@@ -12,7 +12,7 @@ from .records import Event, Taste
 from .refer import STOP_AT_M, Reference, at_goal, moment_at, passed
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
-_PAST_M = 1.2
+_PAST_M, _BEHIND_DEG = 1.2, 100.0
 _IN_DOORWAY_M = 0.5
 _BESIDE_M = 1.1
 _COMES_M = 1.0
@@ -49,7 +49,13 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         return Event("stop_outside", length, B=names.name(near[0]))
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
-    past = names.best(lambda m: m.distance_m if passed(m, facts, from_m, length - 0.4) else None)
+    past = names.best(
+        lambda m: (
+            m.distance_m
+            if passed(m, facts, from_m, length - 0.4) and abs(m.goal_bearing_deg) >= _BEHIND_DEG
+            else None
+        )
+    )
     if past is not None and not past.plural:
         return Event("stop_past", length, X=past)
     return Event("stop_after", length, far_m=1.0)
