@@ -1,6 +1,6 @@
 """Where along a path rooms and doors are entered, left, passed, seen, or stopped at."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -10,8 +10,8 @@ from ..facts.records import PassageFact
 from ..language.claims import Claim
 from .things import BESIDE_M, PASS_M, THROUGH_M, Mask, Place, Things, spoken_side
 
-_DOOR_M = 0.9  # around the middle of a passage
-_DOOR_SIDE_DEG, _AHEAD_DEG = 10.0, 60.0
+_DOOR_M = 0.75  # around the middle of a passage
+_DOOR_SIDE_DEG, _AHEAD_DEG = 10.0, 48.0
 _DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 
 
@@ -20,11 +20,11 @@ class Ground(Things):
 
     def entered(self, claim: Claim) -> Place:
         """Return where a room is entered, on the side said; any room without a name."""
-        return self._crossed(claim, lambda p: p.to_room, self.facts.goal_rooms, "is not entered")
+        return self._crossed(claim, lambda p: p.to_room, self._ends(), "is not entered")
 
     def left(self, claim: Claim) -> Place:
         """Return where a room is left."""
-        return self._crossed(claim, lambda p: p.from_room, (), "is not left")
+        return self._crossed(claim, lambda p: p.from_room, frozenset(), "is not left")
 
     def through_door(self, claim: Claim) -> Place:
         """Return where the path goes through a doorway with the side, room and number said."""
@@ -32,10 +32,10 @@ class Ground(Things):
         mask = np.zeros(len(self.along_m), dtype=bool)
         doors = [p for p in self.facts.passages if p.doorway or claim.name]
         rooms = [p for p in doors if not names or names & {p.from_room, p.to_room}]
-        if claim.room and not rooms and not names & set(self.facts.goal_rooms):
+        if claim.room and not rooms and not names & self._ends():
             return mask, f"the path does not go through the door of the {claim.room}"
         sided = [p for p in rooms if not claim.side or self.door_side(p, claim.side)]
-        ends = self.facts.goal_rooms and (not names or names & set(self.facts.goal_rooms))
+        ends = self._ends() and (not names or bool(names & self._ends()))
         if not sided and not ends and (rooms or claim.side):
             return mask, f"no doorway on the path is {spoken_side(claim.side)}"
         for p in sided:
@@ -46,11 +46,16 @@ class Ground(Things):
         if ends:
             mask |= self.between(self.length_m - 1.0, self.length_m)
         if claim.ordinal and mask.any():
-            counted = [p for p in sided if claim.ordinal in self._door_numbers(p, claim.side)]
-            if not counted:
+            at_m = [p.along_m for p in sided if claim.ordinal in self._door_numbers(p, claim.side)]
+            last_m = self.facts.visits[-1].from_m
+            row = [m for n, m in enumerate(self.facts.landmarks) if n in doors
+                   and m.along_m > last_m + 0.5 and m.side == claim.side
+                   and m.goal_distance_m > 1.0 and m.distance_m <= BESIDE_M]  # fmt: skip
+            if ends and claim.ordinal == 1 + len(row):
+                at_m.append(self.length_m)
+            if not at_m:
                 return mask & False, f"that is not doorway number {claim.ordinal}"
-            mask = np.any([self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
-                           for p in counted], axis=0)  # fmt: skip
+            mask = np.any([self.between(m - _DOOR_M, m + _DOOR_M) for m in at_m], axis=0)
         return mask, "" if mask.any() else "the path goes through no doorway"
 
     def out_of(self, name: str) -> Mask:
@@ -99,7 +104,12 @@ class Ground(Things):
             for mark, near_m in marks
         )
 
-    def _crossed(self, claim: Claim, room, ends: Sequence[str], fault: str) -> Place:
+    def _ends(self) -> set[str]:
+        """Return the rooms on whose threshold the path ends, without the one that it comes from."""
+        last = self.facts.passages[-1:]
+        return {*self.facts.goal_rooms} - {p.from_room for p in last}
+
+    def _crossed(self, claim: Claim, room, ends: Collection[str], fault: str) -> Place:
         names = self.rooms(claim.name)
         mask = np.zeros(len(self.along_m), dtype=bool)
         found = [p for p in self.facts.passages if not claim.name or room(p) in names]
@@ -234,7 +244,7 @@ class Ground(Things):
             return turned and passage is self.facts.passages[0]
         if side == "ahead":
             near = (
-                t.angle_deg for t in self.facts.turns if -1.5 <= t.along_m - passage.along_m < 0.5
+                t.angle_deg for t in self.facts.turns if -1.5 <= t.along_m - passage.along_m < 0.1
             )
             return abs(sum(near)) < _AHEAD_DEG
         sign = 1 if side == "left" else -1

@@ -150,7 +150,7 @@ class _Walk:
             mask = mask & self.ground.out_of(self.within)
             if not mask.any():
                 return f"one does not come to the {claim.text} from the {self.within}"
-        if claim.what in ("door", "room"):
+        if claim.what in ("door", "room") and self.index:
             self.within = (
                 claim.name if claim.kind in ("enter", "in") and claim.what == "room" else ""
             )
@@ -190,7 +190,8 @@ class _Walk:
                 return f"the {claim.name} comes earlier on the path than the text says"
         slack, still = _SLACK_M[claim.kind], claim.kind == "see" or claim.kind == "pass"
         turned = before.kind == "turn" and claim.kind in ("enter", "door")
-        slack = 0.0 if turned else slack
+        if before.kind == "turn":  # "turn left in the hall", "right out of the hall"
+            slack = {"enter": 0.9, "leave": 1.0, "door": 0.0}.get(claim.kind, slack)
         states = self.states
         if self.tight is not None and claim.kind in ("door", "enter", "leave"):
             near = {k: spread(m, self.along, 0.1) for k, m in self.tight.items()}
@@ -210,8 +211,9 @@ class _Walk:
             if claim.kind == "door" and not (claim.side or claim.room or claim.ordinal):
                 reach &= self.along <= ground.next_door_m(first + 1.0) + 0.9
             if turned and self._one_step():  # "left into the kitchen" goes through no other room
-                next_m = ground.next_room_m(first - 1.3)
-                next_m = ground.next_room_m(next_m) if next_m < first + 0.2 else next_m
+                turn_m = float(self.along[here][-1]) - 0.6
+                next_m = ground.next_room_m(turn_m - 0.9)
+                next_m = ground.next_room_m(next_m) if next_m < turn_m + 0.6 else next_m
                 reach &= self.along <= next_m + 0.9
             if not reach.any():
                 continue
@@ -236,7 +238,7 @@ class _Walk:
         """Return whether a text is in a room that it has neither started in nor moved to."""
         facts, before = self.ground.facts, self.claims[: self.index]
         moved = any(c.kind in ("enter", "door", "leave", "in", "turn", "reach") for c in before)
-        rooms = {facts.visits[0].room, *facts.start_rooms}
+        rooms = {v.room for v in facts.visits[: 1 + (claim.kind == "in")]} | {*facts.start_rooms}
         return (
             not moved and bool(facts.visits[0].room) and not rooms & self.ground.rooms(claim.name)
         )
@@ -281,7 +283,7 @@ class _Walk:
         d = claim.metres
         if not d and not claim.vague:  # to walk on
             return ""
-        low, high = (0.2, max(4.5, 2 * d)) if claim.vague else (0.8 * d - 0.3, 1.25 * d + 0.4)
+        low, high = (0.2, max(4.5, 2 * d)) if claim.vague else (0.8 * d - 0.3, 1.25 * d + 0.3)
         result: States = {}
         for made, here in self.states.items():
             far = np.zeros_like(here)

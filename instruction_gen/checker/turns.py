@@ -19,7 +19,7 @@ _WAYS = ("walk", "in", "door", "leave", "enter")
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _END_M = 0.9
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
-_SLACK_M, _BEHIND_M = 1.3, 0.5
+_SLACK_M, _BEHIND_M = 1.3, 0.35
 
 
 class Turns:
@@ -78,6 +78,9 @@ class Turns:
                     continue
                 at = ground.between(self.turns[k].along_m + _DONE_M, last + 0.6)
                 result[end] = result.get(end, np.zeros_like(at)) | at
+            own = self.turns[k].side == claim.side and self.turns[k].along_m > first - 0.5
+            if own and self._leads[k] > index:
+                break  # the first clear turn to a side is meant
         still = self._again(made, here, claim) | self._slight(made, here, claim, index, tight)
         if still.any():
             result[made] = result.get(made, still) | still
@@ -106,7 +109,11 @@ class Turns:
 
     def _skips(self, made: int, k: int, here: Mask, claim: Claim) -> bool:
         """Return whether a turn to the other side, clear or larger, is left out before turn `k`."""
-        last_m, own = float(self.along[here][-1]), self.turns[k]
+        first = int(np.argmax(here))
+        last_m, own = (
+            float(self.along[first + int(np.argmin([*here[first:], False])) - 1]),
+            self.turns[k],
+        )
         own_deg = abs(own.angle_deg) if own.side == claim.side else CLEAR_DEG
         least_deg = min(CLEAR_DEG, max(own_deg, _WEAVE_DEG))
         return any(
@@ -161,7 +168,7 @@ class Turns:
         first = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
         if abs(turn.angle_deg) < CLEAR_DEG or first or last:
             return -1
-        doors = [p for p in ground.facts.passages if -0.6 <= p.along_m - turn.along_m <= 2.6]
+        doors = [p for p in ground.facts.passages if -1.0 <= p.along_m - turn.along_m <= 2.6]
         k = int(np.argmin(np.abs(self.along - (turn.along_m - 0.4))))
         straight = False  # what is named on a way that is called straight leads around no turn
         for index, claim in enumerate(self.claims):
@@ -172,7 +179,10 @@ class Turns:
             if after.side == "ahead" and after.kind in _WAYS:
                 doors = [p for p in doors if p.along_m > turn.along_m]  # "and straight on from it"
             straight = (ahead or straight) and claim.kind != "turn"
-            if not straight:
+            again = claim.kind == "stop" and any(
+                c.kind in ("enter", "in") and c.name == claim.name for c in self.claims[:index]
+            )
+            if not straight and not again:
                 if any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
                     return index
                 if claim.what == "thing" and (
@@ -182,6 +192,14 @@ class Turns:
                     or (claim.kind in ("reach", "pass") and self._ahead(claim, turn, k))
                 ):
                     return index
+            beyond = [p for p in ground.facts.passages if p.along_m > turn.along_m + 0.3][:1]
+            named = claim.kind == "enter" or (claim.kind == "door" and claim.room)
+            if (
+                straight
+                and named
+                and any(_goes(ground, claim, p.from_room, p.to_room) for p in beyond)
+            ):
+                break  # what is named behind that door leads around no turn before it
             straight = ahead or (straight and claim.kind not in ("enter", "door", "leave"))
         return len(self.claims)
 
@@ -200,15 +218,16 @@ def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:
         return degrees >= 165.0
     if claim.degree == "slight":
         return degrees <= _GENTLE_DEG
-    return degrees >= _SHARP_DEG if claim.degree == "sharp" else _BEND_DEG <= degrees <= most_deg
+    return degrees >= _SHARP_DEG if claim.degree == "sharp" else degrees <= most_deg
 
 
 def _goes(ground: Ground, claim: Claim, from_room: str, to_room: str) -> bool:
     """Return whether a claim goes through an opening between two rooms."""
     name = claim.room if claim.what == "door" else claim.name
-    if claim.kind in ("door", "enter", "leave") and not name:
+    sided = claim.kind == "see" and claim.what != "thing" and claim.side in ("left", "right")
+    if (claim.kind in ("door", "enter", "leave") or sided) and not name:
         return True
-    if claim.kind not in ("enter", "leave", "in", "stop", "door"):
+    if claim.kind not in ("enter", "leave", "in", "stop", "door") and not sided:
         return False
     names = ground.rooms(name)
     return to_room in names or (claim.kind == "leave" and from_room in names)

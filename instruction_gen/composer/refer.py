@@ -55,10 +55,9 @@ def at_turn(mark: LandmarkFact, along_m: float) -> float | None:
 
 def new_in_view(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
     """Return how far a thing ahead is that comes into view right before a place [m], else None."""
-    early = (
-        m.open or m.pixels >= _SEEN_PIXELS for m in mark.moments if m.along_m < along_m - _NEW_M
-    )
-    return None if any(early) else in_view(mark, facts, along_m, 30.0, 4.0)
+    seen = (m.along_m for m in mark.moments if m.open or m.pixels >= _SEEN_PIXELS)
+    late = next(seen, 0.0) >= max(0.5, along_m - _NEW_M)
+    return in_view(mark, facts, along_m, 30.0, 4.0) if late else None
 
 
 def in_view(
