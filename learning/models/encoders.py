@@ -10,12 +10,12 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from ...formats.core.errors import FileFormatError
-from ..config import ModelConfig
+from ..config import TIMM, ModelConfig
 
 # Mean and spread of the images that torchvision's networks were trained on.
 _MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 # What reading a file raises that has no weights of this network.
-_DAMAGED = (OSError, RuntimeError, ValueError, KeyError, UnpicklingError, SafetensorError)
+DAMAGED = (OSError, RuntimeError, ValueError, KeyError, UnpicklingError, SafetensorError)
 
 
 class CompactEncoder(nn.Module):
@@ -56,8 +56,8 @@ class TorchvisionEncoder(nn.Module):
         if config.encoder_weights and pretrained:
             path = Path(config.encoder_weights)
             try:
-                network.load_state_dict(_read_weights(path))
-            except _DAMAGED as error:
+                network.load_state_dict(read_weights(path))
+            except DAMAGED as error:
                 raise FileFormatError(
                     path, f"not weights of {config.encoder}: {str(error).splitlines()[0]}"
                 ) from error
@@ -79,16 +79,35 @@ class TorchvisionEncoder(nn.Module):
         return self.stages((images - mean) / std)
 
 
+class Adapter(nn.Module):
+    """A layer on the features of a pretrained encoder; (N, C_in, 4, 4) to (N, C, 4, 4)."""
+
+    def __init__(self, config: ModelConfig):
+        """Build it for features of `encoder_width`."""
+        super().__init__()
+        self.features = config.channels[-1]
+        self.layer = nn.Sequential(
+            nn.Conv2d(config.encoder_width, self.features, 1), nn.ReLU(inplace=True)
+        )
+
+    def forward(self, features: Tensor) -> Tensor:
+        """Return the map of features."""
+        return self.layer(features)
+
+
 def rgb_encoder(
     config: ModelConfig, *, pretrained: bool = True
-) -> CompactEncoder | TorchvisionEncoder:
+) -> CompactEncoder | TorchvisionEncoder | Adapter:
     """Return the encoder of RGB images that the configuration names."""
+    if config.encoder.startswith(TIMM):
+        return Adapter(config)
     if config.encoder == "compact":
         return CompactEncoder(3, config.channels)
     return TorchvisionEncoder(config, pretrained=pretrained)
 
 
-def _read_weights(path: Path) -> dict[str, Tensor]:
+def read_weights(path: Path) -> dict[str, Tensor]:
+    """Return a state dict; `DAMAGED` are the errors of a file that has none."""
     if path.suffix == ".safetensors":
         return load_file(path)
     return torch.load(path, weights_only=True, map_location="cpu")

@@ -10,11 +10,10 @@ from torch.nn.functional import adaptive_avg_pool2d
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from ...formats.core.errors import FileFormatError
-from ..config import ModelConfig
+from ..config import GRID, ModelConfig
 from .encoders import CompactEncoder, rgb_encoder
 
 DEPTH_SCALE_M = 10.0  # farther away all walls are alike
-GRID = 4  # places per side of an image that models attend to
 _PLACE_WIDTH = 16  # of the learned vector that says which place a feature is of
 
 
@@ -64,10 +63,15 @@ class Senses(nn.Module):
         self._inputs = config.inputs
 
     def forward(self, batch: Mapping[str, Tensor]) -> Seen:
-        """Encode the real steps of a batch; features of inputs that the model lacks are zero."""
+        """Encode the real steps of a batch; features of inputs that the model lacks are zero.
+
+        `rgb` has images in uint8, or the features of a pretrained encoder.
+        """
         real = batch["mask"]
         if "rgb" in self._inputs:
-            rgb = self._grid(self.rgb(batch["rgb"][real].float() / 255.0), self.rgb_place, real)
+            images = batch["rgb"][real]
+            scale = 255.0 if images.dtype == torch.uint8 else 1.0
+            rgb = self._grid(self.rgb(images.float() / scale), self.rgb_place, real)
         else:
             rgb = self.rgb_place.new_zeros(*real.shape, GRID * GRID, self.rgb_width)
         if "depth" in self._inputs:

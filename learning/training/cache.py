@@ -16,12 +16,13 @@ from torch.utils.data import Dataset
 
 from ...datasets.episode_index import EpisodeEntry
 from ...datasets.sequences import EpisodeSequences
-from ...formats.core.atomic import atomic_file
+from ...formats.core.atomic import atomic_file, file_digest
 from ...formats.core.errors import FileFormatError
 from ...formats.core.progress import progress_bar
 from ...formats.core.source import code_digest
 from ..config import IMAGES
 from ..images import DEPTH_STEP_M, to_millimetres
+from ..pretrained import FrozenEncoder
 
 log = logging.getLogger(__name__)
 
@@ -35,14 +36,21 @@ class CachedSequences(Dataset[dict[str, Any]]):
     again, which takes longer than training.
     """
 
-    def __init__(self, sequences: EpisodeSequences, folder: Path, images: Collection[str] = IMAGES):
+    def __init__(
+        self,
+        sequences: EpisodeSequences,
+        folder: Path,
+        images: Collection[str] = IMAGES,
+        encoder: FrozenEncoder | None = None,
+    ):
         """Keep the items of `sequences` in `folder`, which is created if missing.
 
         Args:
             folder: where the files are kept.
             images: which of `rgb` and `depth` items have; the others are not read.
+            encoder: items have its features of the RGB images, (T, C, 4, 4) float16, instead.
         """
-        self.sequences, self.folder = sequences, folder
+        self.sequences, self.folder, self.encoder = sequences, folder, encoder
         self.images = frozenset(images)
         self._choice = sequences.instruction_choice
         self._places: dict[int, tuple[EpisodeEntry, Path]] = {}  # of the items made or found
@@ -93,6 +101,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
         if not _is_whole(path):
             item = self.sequences[number]
             values = {k: v for k, v in item.items() if torch.is_tensor(v) and k != "tokens"}
+            if self.encoder is not None:
+                values["rgb"] = self.encoder.features(self._large(number))
             values["depth"] = torch.from_numpy(to_millimetres(values["depth"].numpy()))
             values = {k: v.contiguous() for k, v in values.items()}
             with atomic_file(path) as temporary:
@@ -100,13 +110,29 @@ class CachedSequences(Dataset[dict[str, Any]]):
         self._places[number] = entry, path
         return entry, path
 
+    def _large(self, number: int) -> torch.Tensor:
+        """Return the RGB images of an episode at the encoder's size."""
+        assert self.encoder is not None
+        how = self.sequences
+        config = replace(how.config, size_px=self.encoder.size_px)
+        return EpisodeSequences(how.selection, how.tokens, config)[number]["rgb"]
+
     def _key(self, entry: EpisodeEntry) -> str:
         """Return a key of the episode's place, its files, the contents of an item, and the code."""
         parts: list[Any] = [entry.uid, entry.length, self.sequences.config, _code()]
         for path in [entry.rows, *(place.path for place in entry.videos.values())]:
             facts = path.stat()
+            if self.encoder is not None:  # features are of what the video shows
+                content = _digest(path, facts.st_size, facts.st_mtime_ns)
+                parts += [content, entry.first_frame, sorted(self.encoder.facts.items())]
+                continue
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
         return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+@cache
+def _digest(path: Path, _size: int, _mtime_ns: int) -> str:
+    return file_digest(path)
 
 
 @cache

@@ -67,9 +67,9 @@ def hold_out(
 
 
 def rooms_aside(paths: Mapping[str, int], seed: int) -> tuple[str, ...]:
-    """Return rooms, drawn by their names and the seed, whose goals are about a third of all.
+    """Return rooms, drawn by their names and the seed, in which a third to half of the paths end.
 
-    A room with which they would be more than half of all stays out.
+    A room with which it would be more than half stays out.
 
     Args:
         paths: number of paths that end in each room.

@@ -29,6 +29,7 @@ from ..card import SUFFIX, Card, View
 from ..checkpoint import Checkpoint, load_checkpoint
 from ..config import TrainConfig, train_config
 from ..models.heads import FUTURE
+from ..pretrained import FrozenEncoder, frozen_encoder
 from .cache import CachedSequences, decode_all
 from .curves import TrainingLog, Validation
 from .holdout import Holdout, hold_out, published_holdout
@@ -98,6 +99,7 @@ class Planned:
         held: held-out episodes by source.
         view: the camera of all episodes.
         start: what the training starts from.
+        encoder: pretrained encoder of RGB, if the model has one.
     """
 
     config: TrainConfig
@@ -107,6 +109,7 @@ class Planned:
     held: Mapping[str, Selection]
     view: View
     start: Checkpoint | None
+    encoder: FrozenEncoder | None = None
 
     def every(self, label: str) -> tuple[str, ...]:
         """Return the values of a label, such as `robot`, that occur among the episodes."""
@@ -123,6 +126,8 @@ def plan_training(request: Request) -> Planned:
     """
     recipe = request.recipe
     config = train_config({**recipe.train, **(request.changes or {})})
+    if (encoder := frozen_encoder(config.model)) is not None:
+        config = replace(config, model=replace(config.model, encoder_width=encoder.width))
     start = load_checkpoint(request.start) if request.start else None
     if start is not None and start.card.config.model != config.model:
         raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
@@ -134,7 +139,7 @@ def plan_training(request: Request) -> Planned:
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in selections.items()}
     view = view_of([s.selection for s in plan.sources])
-    planned = Planned(config, name, plan, holdout, held, view, start)
+    planned = Planned(config, name, plan, holdout, held, view, start, encoder)
     if config.model.name == "rdp" and DAGGER in planned.every("controller"):
         raise InputError(
             f"mixture {name}: rdp learns motions, and those of {DAGGER} are a policy's; "
@@ -163,6 +168,7 @@ def training_key(planned: Planned, seed: int) -> str:
         "held": {name: episodes(selection) for name, selection in planned.held.items()},
         "seed": seed,
         "start": planned.start.sha256 if planned.start else "",
+        "encoder": planned.encoder.facts if planned.encoder else {},
         "code": code_digest("learning.training.session"),
         "torch": torch.__version__,
     }
@@ -189,18 +195,18 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
-    sources = [_cached(s.selection, tokens, config, cache, choice) for s in plan.sources]
+    sources = [_cached(s.selection, tokens, planned, cache, choice) for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
     shares = plan.shares.tolist()
     more = []
     for name, selection in _more(request):
-        walks = _cached(selection, tokens, config, cache, choice)
+        walks = _cached(selection, tokens, planned, cache, choice)
         share = 0.5
         if name == "augmented":
             share = len(walks) / (len(walks) + sum(len(s) for s in sources))
         sources, shares = [*sources, walks], [*(s * (1 - share) for s in shares), share]
         more.append(_facts(name, share, selection))
-    unseen = [_cached(s, tokens, config, cache) for s in planned.held.values() if len(s)]
+    unseen = [_cached(s, tokens, planned, cache) for s in planned.held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
     decode_all([*sources, *unseen], show=show)
     card = Card(
@@ -219,6 +225,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             "trajectories": sorted(planned.holdout.trajectories),
         },
         start=start.sha256 if start is not None else "",
+        encoder=planned.encoder.facts if planned.encoder else {},
     )
     log = TrainingLog(out, card, config, seen, unseen, request.validate)
     with progress_bar("train", config.steps, show=show) as bar:
@@ -307,13 +314,14 @@ def _vocabulary(plan: MixturePlan, config: TrainConfig) -> Tokens:
 def _cached(
     selection: Selection,
     tokens: Tokens,
-    config: TrainConfig,
+    planned: Planned,
     cache: Path,
     choice: InstructionChoice | None = None,
 ) -> CachedSequences:
+    config = planned.config
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
-    return CachedSequences(sequences, cache, config.model.inputs)
+    return CachedSequences(sequences, cache, config.model.inputs, planned.encoder)
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
@@ -325,4 +333,4 @@ def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
     sequences = EpisodeSequences(
         chosen.take(mask), episodes.sequences.tokens, episodes.sequences.config
     )
-    return CachedSequences(sequences, episodes.folder, episodes.images)
+    return CachedSequences(sequences, episodes.folder, episodes.images, episodes.encoder)

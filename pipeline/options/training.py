@@ -163,11 +163,11 @@ class Ablate(Parallel):
 class Adapt(Orientation, Parallel):
     r"""Fine-tune a policy to your own building and robot, and test it before and after.
 
-    Repairs the scan, samples paths in it, and sets those aside whose goals lie in a third of the
-    rooms. The expert walks the others with the robot, and the policy is fine-tuned on its walks.
-    Before and after, the policy walks the paths that were set aside. Writes report.html, and the
-    checkpoint with its card; prints the command that serves it to a robot. The same command again
-    resumes; what is finished and unchanged is not done again.
+    Repairs the scan, samples paths in it, and sets those aside that end in some of the rooms, a
+    third to half of them. The expert walks the others with the robot, and the policy is fine-tuned
+    on its walks. Before and after, the policy walks the paths that were set aside. Writes
+    report.html, and the checkpoint with its card; prints the command that serves it to a robot. The
+    same command again resumes; what is finished and unchanged is not done again.
 
     Example: vlnpe adapt scan.glb --robot aliengo
     """
@@ -184,7 +184,7 @@ class Adapt(Orientation, Parallel):
     """Policy to start from: cma, cma-h1 or cma-robots, or a checkpoint (FILE.safetensors) of cma or
     seq2seq."""
     paths: int = 120
-    """Number of paths to sample; about a third is set aside."""
+    """Number of paths to sample; a third to half of them is set aside."""
     min_length_m: float = SampleConfig.min_length_m
     """Minimum length of a path [m]."""
     steps: int = 300

