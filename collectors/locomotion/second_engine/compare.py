@@ -22,7 +22,8 @@ from ..runtime.card import save_card
 from ..runtime.observation import states_of
 from ..runtime.policy import GaitPolicy, policy_files
 from ..trials.gates import Gate, GateResult, worst_of
-from ..trials.trial import STEP_S, TargetPipe, fallen
+from ..trials.pipe import TargetPipe
+from ..trials.trial import STEP_S, fallen
 from .worlds import BLOCK_M, DrakeWorld, MujocoWorld, World
 
 log = logging.getLogger(__name__)

@@ -175,6 +175,9 @@ def _bodies_alone(robot: RobotSpec) -> str:
             spec.delete(geom)
     for joint in spec.joints:
         joint.frictionloss = 0.0
+    # Drake overlooks what an empty class inherits.
+    for part in [*spec.joints, *spec.geoms]:
+        part.classname = spec.default
     return spec.to_xml()
 
 

@@ -15,8 +15,9 @@ from ...robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_
 from ...robots.parts import UNLIMITED
 from ..runtime.observation import layout, states_of
 from ..runtime.step import GaitStep
+from ..trials.pipe import TargetPipe
 from ..trials.terrain import Terrain
-from ..trials.trial import STEP_S, TargetPipe, fallen
+from ..trials.trial import STEP_S, fallen
 from .config import TrainingConfig
 from .mirror import Symmetry
 from .randomize import draw_latency, randomize_models

@@ -8,8 +8,8 @@ import pytest
 from vlnpe.collectors.locomotion.runtime.gait import GaitClock
 from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
 from vlnpe.collectors.locomotion.trials.measures import GOAL_S, SPEEDS_M_S, stops
+from vlnpe.collectors.locomotion.trials.pipe import TargetPipe
 from vlnpe.collectors.locomotion.trials.terrain import noise_terrain
-from vlnpe.collectors.locomotion.trials.trial import TargetPipe
 from vlnpe.collectors.robots import get_robot
 
 pytestmark = pytest.mark.chain
