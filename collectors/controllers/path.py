@@ -3,8 +3,9 @@
 Every control step aims at a point of the route some way ahead (pure pursuit), never through an
 obstacle; the turn rate is proportional to the heading error (gain 2.5), speed is limited by the
 distance to the goal (gain 1.5), by the curves ahead and by the heading error. Large heading errors
-are corrected by turning on the spot. A robot pushed off its route, or one that makes no progress,
-backs off if needed and re-plans on the freemap.
+are corrected by turning on the spot. A lasting error of the robot's velocity is learned from its
+poses and absorbed. A robot pushed off its route, or one that makes no progress, backs off if needed
+and re-plans on the freemap.
 """
 
 import math
@@ -15,6 +16,7 @@ import numpy as np
 from .geometry import RouteCursor, clip, clip_command, wrap_angle
 from .interface import STOPPED, Command, Decision, Pose, Task
 from .route import STEP_M, Route, plan_route, rejoin
+from .trim import VelocityTrim
 
 NEAR_M = 0.15  # the point so far ahead is aimed at even out of sight
 
@@ -24,7 +26,7 @@ class PathConfig:
     """Parameters of path following.
 
     Attributes:
-        linear_gain, angular_gain: VLN-PE's proportional gains [1/s]; there are no other terms.
+        linear_gain, angular_gain: VLN-PE's proportional gains [1/s].
         goal_threshold_m: the robot stops this close to the goal, VLN-PE's threshold [m].
         cruise_m_s: speed on straight, open ground.
         lookahead_m: distance along the route to the point aimed at.
@@ -40,6 +42,9 @@ class PathConfig:
         rejoin_m: a new plan leads back to the route this far ahead.
         blocked_s, blocked_m: less progress than this in that time means blocked.
         back_off_s, back_off_m_s: what a blocked robot does before it re-plans.
+        trim_s, trim_m_s: time constant and greatest size of the correction of velocities; see
+            `VelocityTrim`.
+        trim_stop_s: the error, corrected no more, carries a robot that stops for so long.
     """
 
     linear_gain: float = 1.5
@@ -62,6 +67,9 @@ class PathConfig:
     blocked_m: float = 0.1
     back_off_s: float = 1.0
     back_off_m_s: float = 0.2
+    trim_s: float = 2.0
+    trim_m_s: float = 0.15
+    trim_stop_s: float = 1.0
 
 
 class PathController:
@@ -79,6 +87,9 @@ class PathController:
         self._planned_s = -math.inf
         self._progress = (0.0, -math.inf)  # time, remaining distance when progress was last made
         self._back_off_until_s = -math.inf
+        self._trim = VelocityTrim(
+            task.coasting.lag_s, self.rate_hz, time_s=config.trim_s, most_m_s=config.trim_m_s
+        )
 
     rate_hz = 25  # a body answers no faster, and each step costs 10 µs or more
 
@@ -95,11 +106,12 @@ class PathController:
         config = self._config
         off_m = self._cursor.advance(pose.x_m, pose.y_m)
         goal_x, goal_y = self._task.goal_xy_m
-        to_goal_m = math.hypot(goal_x - pose.x_m, goal_y - pose.y_m)
+        x_m, y_m = self._trim.carried(pose, config.trim_stop_s)
+        to_goal_m = math.hypot(goal_x - x_m, goal_y - y_m)
         if self._arrived(to_goal_m):
             return self._decide(STOPPED, done=True)
         if time_s < self._back_off_until_s:
-            return self._decide((-config.back_off_m_s, 0.0, 0.0))
+            return self._decide(self._trimmed(pose, (-config.back_off_m_s, 0.0, 0.0)))
         target = self._target(pose)
         error = wrap_angle(math.atan2(target[1] - pose.y_m, target[0] - pose.x_m) - pose.yaw_rad)
         if abs(error) < config.replan_heading_rad:
@@ -107,7 +119,10 @@ class PathController:
         reason = self._why_replan(time_s, off_m)
         if reason:
             self._replan(time_s, pose, reason)
-        return self._decide(self._velocity(pose, target, error, to_goal_m))
+        return self._decide(self._trimmed(pose, self._velocity(pose, target, error, to_goal_m)))
+
+    def _trimmed(self, pose: Pose, command: Command) -> Command:
+        return clip_command(self._trim.corrected(pose, command), self._task.limits)
 
     def _arrived(self, to_goal_m: float) -> bool:
         if to_goal_m <= self._config.goal_threshold_m:

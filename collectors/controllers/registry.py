@@ -19,7 +19,6 @@ class ControllerEntry:
     Attributes:
         build: creates one for an episode.
         teleports: places the robot, without physics.
-        coasts: stops the robot while it is moving, and needs its stopping distance.
         discrete: carries out discrete actions that a `Chooser` chooses.
     """
 
@@ -27,7 +26,6 @@ class ControllerEntry:
     config: type
     build: Callable[[Task, Any], Controller | Teleporter]
     teleports: bool = False
-    coasts: bool = False
     discrete: bool = False
 
 
@@ -37,7 +35,6 @@ CONTROLLERS: dict[str, ControllerEntry] = {
         "discrete actions by velocity",
         SpeedConfig,
         SpeedController,
-        coasts=True,
         discrete=True,
     ),
     "flash": ControllerEntry(

@@ -141,7 +141,7 @@ class EpisodeRun:
             radius_m=self.world.robot.footprint_radius_m,
             limits=self.world.robot.command_limits,
             goal_tolerance_m=self.config.outcome.success_m,
-            coasting=self.world.coasting if self.entry.coasts else Coasting(),
+            coasting=Coasting() if self.entry.teleports else self.world.coasting,
         )
         self.facts["coasting"] = asdict(task.coasting)
         if self.choose is not None:

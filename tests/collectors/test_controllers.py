@@ -1,7 +1,7 @@
 """Controllers by themselves, driving an ideal unicycle over the two-room map."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from vlnpe.collectors.controllers import (
     CONTROLLERS,
+    Coasting,
     Controller,
     PathConfig,
     Pose,
@@ -28,6 +29,7 @@ from vlnpe.formats.core.errors import UnknownNameError
 from vlnpe.formats.core.rollout import TURN_STEP_RAD, Action
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.wayfinding.planning import plan_path
 
 RADIUS = 0.3
@@ -51,9 +53,20 @@ class Drive:
     done: bool
 
 
-def drive(controller: Controller, pose: Pose, seconds: float, obey: float = 1.0) -> Drive:
-    """Drive a body that follows commands without delay, `obey` times as fast."""
-    poses, commands, notes = [], [], []
+def drive(
+    controller: Controller,
+    pose: Pose,
+    seconds: float,
+    obey: float = 1.0,
+    *,
+    error_m_s: tuple[float, float] = (0.0, 0.0),
+    lag_s: float = 0.0,
+) -> Drive:
+    """Drive a body that follows commands `obey` times as fast.
+
+    While it is commanded, a lasting error adds to its velocity, which lags behind.
+    """
+    poses, commands, notes, speed = [], [], [], np.zeros(2)
     command, x, y, yaw = (0.0, 0.0, 0.0), pose.x_m, pose.y_m, pose.yaw_rad
     every = 100 // controller.rate_hz
     for tick in range(round(seconds * 100)):
@@ -66,6 +79,8 @@ def drive(controller: Controller, pose: Pose, seconds: float, obey: float = 1.0)
         poses.append((x, y, yaw))
         commands.append(command)
         vx, vy, rate = (obey * c for c in command)
+        speed += (np.array([vx, vy]) + error_m_s - speed) * min(1.0, 0.01 / max(lag_s, 0.01))
+        vx, vy = speed
         x += 0.01 * (vx * math.cos(yaw) - vy * math.sin(yaw))
         y += 0.01 * (vx * math.sin(yaw) + vy * math.cos(yaw))
         yaw = math.remainder(yaw + 0.01 * rate, 2 * math.pi)
@@ -100,6 +115,24 @@ def corner(freemap: Freemap) -> np.ndarray:
     path = plan_path(freemap, (1.0, 1.0), (7.0, 3.0), RADIUS)
     assert path is not None
     return path
+
+
+@pytest.mark.parametrize("error_m_s", [(0.1, 0.0), (-0.1, 0.0), (0.0, 0.1), (0.0, -0.1)])
+def test_a_lasting_error_of_the_velocity_is_absorbed(error_m_s: tuple[float, float]) -> None:
+    grid = GridSpec((-5.0, -5.0), 0.25, 100, 100)
+    ground = Freemap(grid, np.zeros(grid.shape, np.float32), np.ones(grid.shape, dtype=bool))
+    path = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 6.0]])
+    task = replace(make_task(ground, path), coasting=Coasting(lag_s=0.3))
+    wrong = []  # mean speed on the second leg, and distance from it
+    for most_m_s in (0.0, PathConfig().trim_m_s):
+        controller = PathController(task, PathConfig(trim_m_s=most_m_s))
+        done = drive(controller, Pose(0, 0, 0), 40, error_m_s=error_m_s, lag_s=0.3)
+        assert done.done
+        leg = done.poses[(done.poses[:, 1] > 2.5) & (done.poses[:, 1] < 5.0)]
+        speed_m_s = np.ptp(leg[:, 1]) / (0.01 * len(leg))
+        wrong.append(np.hypot(speed_m_s - 0.8, np.abs(leg[:, 0] - 6.0).mean()))
+    assert wrong[0] > 0.02
+    assert wrong[1] < 0.4 * wrong[0]
 
 
 def test_curves_are_driven_slowly_and_straights_fast(two_rooms: SceneBundle) -> None:
