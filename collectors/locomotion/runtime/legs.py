@@ -171,12 +171,12 @@ def foot_motion(legs, foot, joints, speeds, torques, down, point, velocity):
             continue
         for i in range(3):
             arm[i] = point[i] - anchors[k, i]
-        _cross(axes[k], arm, row)
+        cross(axes[k], arm, row)
         load = torques[index]
         for b in range(k, bodies):
             for i in range(3):
                 arm[i] = centers[b, i] - anchors[k, i]
-            _cross(axes[k], arm, step)
+            cross(axes[k], arm, step)
             for i in range(3):
                 load += legs.mass[foot, b] * GRAVITY_M_S2 * step[i] * down[i]
         for i in range(3):
@@ -187,11 +187,11 @@ def foot_motion(legs, foot, joints, speeds, torques, down, point, velocity):
     for i in range(3):
         normal[i, i] += DAMPING_M2
     # Cramer's rule for the force along gravity.
-    _cross(normal[1], normal[2], step)
+    cross(normal[1], normal[2], step)
     upward, scale = dot(step, right) * down[0], dot(step, normal[0])
-    _cross(normal[2], normal[0], step)
+    cross(normal[2], normal[0], step)
     upward += dot(step, right) * down[1]
-    _cross(normal[0], normal[1], step)
+    cross(normal[0], normal[1], step)
     upward += dot(step, right) * down[2]
     return -upward / scale / legs.weight[0]
 
@@ -220,7 +220,8 @@ def dot(a, b):
 
 
 @called()
-def _cross(a, b, out):
+def cross(a, b, out):
+    """Write the cross product of two vectors (3,)."""
     out[0] = a[1] * b[2] - a[2] * b[1]
     out[1] = a[2] * b[0] - a[0] * b[2]
     out[2] = a[0] * b[1] - a[1] * b[0]
