@@ -5,6 +5,7 @@ import io
 import json
 import re
 import shutil
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from tests.collectors.test_replay import make_episode
+from tests.support.runs.work import InlineWorkers
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.physics.outcome import OutcomeConfig
 from vlnpe.collectors.replay.replay import ReplayConfig
@@ -40,6 +42,14 @@ OUTCOMES = {
     "slow": OutcomeConfig(timeout_factor=0.2),
     "mad": OutcomeConfig(diverged_speed=6.0),  # any step is faster than that
 }
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _inline() -> Iterator[None]:
+    """Work in this process: a worker takes seconds to start."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("vlnpe.pipeline.execution.settings.Workers", InlineWorkers)
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -94,16 +94,11 @@ def test_a_quarantined_item_is_run_alone_by_the_command_that_is_kept(
     text = (run / error["traceback"]).read_text()
     assert "Traceback" in text and "read_rollout" in text and error["command"] in text
 
-    def alone() -> subprocess.CompletedProcess[str]:
-        command = error["command"].replace("&& vlnpe", "&& exec $VLNPE")
-        cli = f"{tiny_run.sys.executable} -m vlnpe.pipeline.cli"
-        return tiny_run.run(["bash", "-c", command], VLNPE=cli)
-
-    failed = alone()
+    failed = tiny_run.printed(error["command"])
     assert failed.returncode == 1 and "read_rollout" in failed.stderr
     assert Ledger(run).row("render", item).status == "quarantined"  # type: ignore[union-attr]
     rollout.write_bytes(sound)
-    fixed = alone()
+    fixed = tiny_run.printed(error["command"])
     assert fixed.returncode == 0 and f"render {item}: done" in fixed.stderr
     assert not (run / error["traceback"]).exists()
 
@@ -146,7 +141,7 @@ def test_a_robot_on_other_paths_is_left_out_and_the_printed_command_brings_it_ba
     page = (run / "report" / "index.html").read_text()
     assert "left out here" in page and "vlnce flash (2 paths; vlnce-flash-ego" in page
     (command,) = re.findall("^  (cd .*collect.*)$", done.stdout, re.MULTILINE)
-    back = tiny_run.run(["bash", "-c", f"{command} --explain"])
+    back = tiny_run.printed(f"{command} --explain")
     assert back.returncode == 0, back.stderr[-2000:]
     # It walks again, and which field of the paths has changed is said.
     assert re.search(r"replay vlnce.* runs: .*Episode\.start_yaw_rad: \S+ → \S+", back.stderr)
@@ -173,9 +168,7 @@ def test_what_a_recipe_lacks_is_collected_by_the_commands_that_mix_prints(
     assert [name for _, name in found] == ["day", "night"], lacking.stderr
     for command, _ in found:
         # The run has moved since it was collected.
-        done = tiny_run.run(
-            ["bash", "-c", command.replace(str(finished), str(tmp_path / "runs/run"))]
-        )
+        done = tiny_run.printed(command.replace(str(finished), str(tmp_path / "runs/run")))
         assert done.returncode == 0, done.stderr[-2000:]
     shown = tiny_run.vlnpe(*asked)
     assert shown.returncode == 0, shown.stderr

@@ -33,7 +33,7 @@ def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scan = tiny_run.write_scan(folder / "rooms.glb")
     out = folder / "run"
     options = ("--min-length-m", "2", "--min-crossings", "0", "--only-episodes")
-    done = tiny_run.vlnpe(
+    done = tiny_run.process(
         "collect", "--scene", scan, "--episodes", 2, *ROBOT, *options, "--out", out
     )
     assert done.returncode == 0, done.stderr
@@ -74,7 +74,7 @@ def driven(prepared: Path) -> Path:
     page.hold(AHEAD, 3.0)
     process.kill()
     process.communicate()
-    done = tiny_run.vlnpe("drive", *command, "--finish")
+    done = tiny_run.process("drive", *command, "--finish")
     assert done.returncode == 0, done.stderr
     assert "human" in done.stdout
     return out
@@ -90,18 +90,18 @@ def test_drives_are_rollouts_like_any_other(driven: Path, tmp_path: Path) -> Non
     assert free.end_reason == "success"
     (given,) = (rollout for name, rollout in rollouts.items() if name != "free-1")
     assert "undo" in [event.kind for event in given.events]
-    done = tiny_run.vlnpe("verify", driven)
+    done = tiny_run.process("verify", driven)
     assert done.returncode == 0, done.stdout
     (lerobot,) = (driven / "lerobot").iterdir()
     facts = json.loads((lerobot / "meta" / "provenance.json").read_text())
     assert facts["options"]["drivers"] == ["Ada"] and facts["options"]["success_m"] == 1.0
     for layout in ("navila", "internvla-n1"):
-        done = tiny_run.vlnpe("convert", lerobot, "--to", layout, "--out", tmp_path / layout)
+        done = tiny_run.process("convert", lerobot, "--to", layout, "--out", tmp_path / layout)
         assert done.returncode == 0, done.stderr
 
 
 def test_the_chain_and_the_report_take_them(driven: Path, tmp_path: Path) -> None:
-    done = tiny_run.vlnpe("report", driven)
+    done = tiny_run.process("report", driven)
     assert done.returncode == 0, done.stderr
     page = (driven / "report" / "index.html").read_text()
     assert "human" in page
@@ -146,7 +146,7 @@ def test_journals_that_cannot_be_used_are_named_and_block_nothing(
     for path, (content, _) in spoilt.items():
         path.write_bytes(content)
     command = (prepared, *ROBOT, "--out", out, "--driver", "Ada")
-    done = tiny_run.vlnpe("drive", *command, "--finish", "--json")
+    done = tiny_run.process("drive", *command, "--finish", "--json")
     assert done.returncode == 0, done.stderr
     facts = json.loads(done.stdout.splitlines()[-1])
     assert facts["drives"] == 1  # the good one
@@ -170,7 +170,7 @@ def test_a_full_pipe_stops_neither_the_robot_nor_what_follows(
 ) -> None:
     out = tmp_path / "out"
     words = ("drive", prepared, *ROBOT, "--out", out, "--finish")
-    assert tiny_run.vlnpe(*words).returncode == 0
+    assert tiny_run.process(*words).returncode == 0
     (out / "drives" / "aliengo").mkdir(parents=True)
     for number in range(300):  # each is a line, of a path of hundreds of letters
         (out / "drives" / "aliengo" / f"{number}-{'x' * 200}.drive").touch()
@@ -273,6 +273,6 @@ def test_without_the_token_or_from_elsewhere_nothing_is_served(open_page: str) -
 )
 def test_bad_options(options: tuple[str, ...], reason: str, prepared: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
-    done = tiny_run.vlnpe("drive", prepared, "--out", out, *options)
+    done = tiny_run.process("drive", prepared, "--out", out, *options)
     assert done.returncode == 2 and reason in done.stderr, done.stderr
     assert not out.exists()

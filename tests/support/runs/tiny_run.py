@@ -1,13 +1,20 @@
 """The whole chain in the smallest case: a scan of two rooms, two episodes, 64 × 48 pixels."""
 
+import io
 import json
+import logging
 import os
+import shlex
 import shutil
 import subprocess
 import sys
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
+from tests.support.runs.work import InlineWorkers
 from tests.support.scenes import scans
+from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.engine.ledger import MANIFEST_NAME, Ledger
 
 STAGES = (
@@ -38,8 +45,8 @@ def environment(**changes: str) -> dict[str, str]:
 
 
 def collect(scan: Path, out: Path, *options: object) -> subprocess.CompletedProcess[str]:
-    """Run the command to its end."""
-    return run(command(scan, out, "--workers", 1, *options))
+    """Collect in this process."""
+    return vlnpe(*command(scan, out, "--workers", 1, *options)[len(VLNPE) :])
 
 
 def run(arguments: list[str], **changes: str) -> subprocess.CompletedProcess[str]:
@@ -54,9 +61,31 @@ def run(arguments: list[str], **changes: str) -> subprocess.CompletedProcess[str
     )
 
 
-def vlnpe(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run any command of vlnpe to its end."""
+def process(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run any command of vlnpe in a process of its own."""
     return run([*VLNPE, *map(str, arguments)])
+
+
+def vlnpe(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run any command of vlnpe in this process, whose imports and kernels it uses."""
+    out, err = io.StringIO(), io.StringIO()
+    words, log = [str(word) for word in arguments], logging.getLogger()
+    with (
+        patch("vlnpe.pipeline.execution.settings.Workers", InlineWorkers),
+        patch.object(log, "handlers", []),  # the command logs to stderr
+        redirect_stdout(out),
+        redirect_stderr(err),
+    ):
+        code = main(words)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def printed(command_line: str) -> subprocess.CompletedProcess[str]:
+    """Run in this process a command that vlnpe printed for a shell: `cd FOLDER && vlnpe …`."""
+    step, folder, then, program, *words = shlex.split(command_line)
+    assert (step, then, program) == ("cd", "&&", "vlnpe"), command_line
+    with chdir(folder):
+        return vlnpe(*words)
 
 
 def prepare(finished: Path, out: Path) -> Path:
