@@ -1,8 +1,6 @@
 """A gait stops without falling, soon and not far; gate (h), on the installed policies."""
 
 from dataclasses import replace
-from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,21 +15,15 @@ from vlnpe.collectors.robots import get_robot
 pytestmark = pytest.mark.chain
 
 
-def measured(policy: GaitPolicy) -> dict[str, Any]:
-    """Stop from each speed; 23 goes through the turn rates, too."""
+def measured(policy: GaitPolicy, every: int = 12) -> dict:
     rng = np.random.default_rng(77)
-    return stops(policy, noise_terrain(rng, 0.04), rng, every=23)
-
-
-@cache
-def installed(name: str) -> dict[str, Any]:
-    return measured(GaitPolicy.load(get_robot(name)))
+    return stops(policy, noise_terrain(rng, 0.04), rng, every)
 
 
 @pytest.mark.parametrize("name", ["aliengo", "h1", "g1"])
 def test_installed_gaits_stop_upright(name: str):
-    table = installed(name)
-    assert table["robots"] == 45
+    table = measured(GaitPolicy.load(get_robot(name)))
+    assert table["robots"] >= 80
     # Without its brake the H1 falls in 70 % of these stops, the G1 in 46 %.
     assert table["falls"] <= 0.04 * table["robots"]
     assert table["rested"] >= 0.8
@@ -54,14 +46,14 @@ def test_a_humanoid_that_freezes_in_the_middle_of_a_step_falls():
     policy = GaitPolicy.load(get_robot("h1"))
     gait: GaitClock = replace(policy.card.gait, brake_m_s2=None, brake_rad_s2=None, last_steps=0)
     frozen = policy.changed(policy.robot, replace(policy.card, gait=gait))
-    assert measured(frozen)["falls"] > installed("h1")["falls"] + 10
+    assert measured(frozen)["falls"] > measured(policy)["falls"]
 
 
 def test_a_robot_that_never_rests_counts_with_the_whole_observation_time():
     policy = GaitPolicy.load(get_robot("aliengo"))
     # A clock that never ends its last steps.
     restless = replace(policy.card.gait, last_steps=1000)
-    table = measured(policy.changed(policy.robot, replace(policy.card, gait=restless)))
+    table = measured(policy.changed(policy.robot, replace(policy.card, gait=restless)), every=24)
     assert table["rest_s_p99"] > GOAL_S
     assert table["rested"] < 1.0
 
