@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from ..formats.core.arrays import I32, U8, Array
-from ..formats.core.threads import beside
+from ..formats.process.threads import beside
 from ..geometry.fusion.surface import ScanMesh, extract
 from .building.true_scene import TrueScene
 from .config import ApartmentConfig

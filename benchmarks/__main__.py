@@ -32,7 +32,7 @@ from benchmarks import (
 from benchmarks.fuzz import report as fuzz
 from benchmarks.throughput import page as throughput
 from vlnpe.formats.core.errors import did_you_mean
-from vlnpe.formats.core.threads import available_cores
+from vlnpe.formats.process.threads import available_cores
 from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 
 ROOT = Path(__file__).resolve().parents[1]

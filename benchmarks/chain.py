@@ -12,7 +12,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from vlnpe.formats.core import source
+from vlnpe.formats.process import source
 from vlnpe.pipeline.engine.ledger import Ledger
 
 EPISODES = 24

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ..formats.core import checkout
-from ..formats.core.threads import available_cores
+from ..formats.process.threads import available_cores
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from typing import Any
 
 from ..formats.core.atomic import file_digest
 from ..formats.core.rollout import Rollout
-from ..formats.core.source import ROOT
 from ..formats.lerobot.splits import held_out_scenes
+from ..formats.process.source import ROOT
 from ..formats.scene.bundle import SceneBundle
 from ..formats.video.codecs import DEPTH_CODEC, RGB_CODECS
 from .engine.work import digest

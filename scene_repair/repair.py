@@ -14,11 +14,8 @@ from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision
 from .config import RepairConfig
-from .floor.flights import Flight, find_flights
 from .floor.lay import with_floor
-from .floor.levels import ScannedFloor, averted_faces, ceilings_in_floors, find_levels
 from .floor.repair_level import RepairedFloor, repair_floor
-from .floor.surfaces import find_surfaces
 from .grid.columns import sample_columns
 from .grid.world_mesh import WorldMesh
 from .labels.attach import label_scan
@@ -29,6 +26,14 @@ from .scan.dispatch import read_scan
 from .scan.files import licence_beside
 from .scan.left_out import advice, without_parts
 from .scan.record import Scan, ScanObject
+from .storeys.flights import Flight, find_flights
+from .storeys.levels import (
+    ScannedFloor,
+    averted_faces,
+    ceilings_in_floors,
+    find_levels,
+)
+from .storeys.surfaces import find_surfaces
 from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ..formats.core.frames import Array
 from ..formats.core.geometry import path_length, point_along
-from ..formats.core.kernel import kernel
+from ..formats.process.kernel import kernel
 from .config import DTW, FRECHET
 
 STATION_M = 0.25

@@ -13,7 +13,7 @@ from ..formats.core.arrays import F32, U8, Floats, Mask
 from ..formats.core.errors import FileFormatError
 from ..formats.core.frames import quat_to_matrix
 from ..formats.core.geometry import triangle_normals
-from ..formats.core.source import code_digest
+from ..formats.process.source import code_digest
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.splats.store import SPLATS_NAME, load_splats
 from .cache import cached, stamp

@@ -11,7 +11,7 @@ import heapq
 import numpy as np
 
 from ..formats.core.arrays import Array, Mask
-from ..formats.core.kernel import kernel
+from ..formats.process.kernel import kernel
 
 
 @kernel()

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.core.threads import in_order
+from ...formats.process.threads import in_order
 from .noise import Image
 
 Color = tuple[int, int, int]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import F32, I32, I64, U8, Mask
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ..building.true_scene import TrueScene
 
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from ...formats.core.arrays import F32, I32, I64, U8, Array
 from ...formats.core.geometry import triangle_normals
-from ...formats.core.kernel import kernel
-from ...formats.core.threads import in_order
+from ...formats.process.kernel import kernel
+from ...formats.process.threads import in_order
 from ...geometry.fusion.surface import ScanMesh, sums, unit
 from ..building.true_scene import TrueScene
 from ..config import ScanConfig

@@ -4,7 +4,7 @@ import numpy as np
 
 from ...formats.core.arrays import F32
 from ...formats.core.geometry import triangle_normals
-from ...formats.core.threads import in_order
+from ...formats.process.threads import in_order
 from ...geometry.fusion.volume import DistanceVolume
 from ..building.true_scene import TrueScene
 from ..config import ScanConfig

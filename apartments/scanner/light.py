@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 
 from ...formats.core.arrays import F32, Array, Floats
-from ...formats.core.kernel import kernel
-from ...formats.core.threads import beside
+from ...formats.process.kernel import kernel
+from ...formats.process.threads import beside
 from ...geometry.rays.library import call_occluded, lanes
 from ...geometry.rays.packets import FAR, VALID, fill_ray, packet
 from ..building.true_scene import TrueScene

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import F32, I32, Array
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 
 # Texels up to this far outside a triangle are painted too, so that filtering finds colour there.
 _REACH = 1.8

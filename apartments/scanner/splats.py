@@ -13,7 +13,7 @@ from scipy.spatial import KDTree
 from ...formats.core.arrays import F32, I64, Array, Floats
 from ...formats.core.frames import matrix_to_quat
 from ...formats.core.geometry import triangle_areas, triangle_normals
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ...formats.splats.harmonics import C0
 from ...formats.splats.record import GaussianCloud
 from ..building.true_scene import TrueScene

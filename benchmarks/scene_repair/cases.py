@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from vlnpe.formats.core.atomic import write_json
-from vlnpe.formats.core.source import source_digest
+from vlnpe.formats.process.source import source_digest
 from vlnpe.pipeline.engine.work import digest
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from ...formats.core.arrays import Array
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ...formats.scene.grid import GridSpec
 from ..robots import CommandLimits
 from .interface import Command

@@ -17,7 +17,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from ...formats.core.source import code_digest
+from ...formats.process.source import code_digest
 from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import Obstacles, SceneBundle
 from ..robots import RobotSpec, apply_physics_options

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from ...formats.core.arrays import Array, Mask
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 OBSTACLE_BIT = 1 << 20  # contype of obstacles, conaffinity of all that may touch them

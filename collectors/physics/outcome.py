@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from ...formats.core.kernel import kernel
 from ...formats.core.rollout import EndReason
+from ...formats.process.kernel import kernel
 from ..robots import POLICY_DECIMATION, FallThresholds, RobotHandles
 from .floor_surface import FloorSurface
 

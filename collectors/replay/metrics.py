@@ -17,8 +17,8 @@ from scipy.spatial.distance import cdist
 from ...formats.core.arrays import Array
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length, space_evenly
-from ...formats.core.kernel import kernel
 from ...formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
+from ...formats.process.kernel import kernel
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
 

@@ -13,8 +13,8 @@ from ..lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS, LATER_COLU
 from ..lerobot.info import PLACE_FIELDS, fill_template, video_start_s
 from ..lerobot.layout import DATASET_ROWS, INFO_PATH, Features
 from ..lerobot.statistics import MOMENTS, QUANTILES
-from ..lerobot.unit_parts import UnitParts, write_unit
-from ..lerobot.unit_rows import unit_schema
+from ..lerobot.units.parts import UnitParts, write_unit
+from ..lerobot.units.rows import unit_schema
 from ..untrusted.files import check_input, check_links
 from ..untrusted.limits import limits
 from ..untrusted.tables import read_schema, read_table

@@ -22,8 +22,8 @@ from ..core.errors import FileFormatError
 from ..core.rollout import Rollout
 from ..lerobot import DatasetSummary, assemble_dataset, read_episode_unit, write_episode_unit
 from ..lerobot.layout import RGB_KEY
-from ..lerobot.unit import EpisodeUnit
-from ..lerobot.unit_rows import row_arrays
+from ..lerobot.units.rows import row_arrays
+from ..lerobot.units.unit import EpisodeUnit
 from ..mcap.episode import (
     DATASET_METADATA,
     VIEW_METADATA,

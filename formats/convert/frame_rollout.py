@@ -18,7 +18,7 @@ from ..core.frames import quat_multiply, quat_to_matrix, yaw_to_quat
 from ..core.rollout import Action, ActionSpan, EndReason, Metrics, Rollout
 from ..lerobot.episode_columns import camera_of
 from ..lerobot.layout import RGB_KEY
-from ..lerobot.unit import EpisodeUnit
+from ..lerobot.units.unit import EpisodeUnit
 from ..rendered.folder import FrameFolder
 from ..rendered.table import EXECUTED, StartFrame
 

@@ -16,7 +16,7 @@ from google.protobuf.descriptor_pb2 import (
 
 from ..core.errors import FileFormatError
 from ..lerobot.layout import Features
-from ..lerobot.unit_rows import number_schema, row_arrays, unit_rows
+from ..lerobot.units.rows import number_schema, row_arrays, unit_rows
 from ..mcap.camera_streams import topic_messages
 from ..mcap.recording import Contents, Recording, nanoseconds
 from ..mcap.topics import Write

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY
-from ..lerobot.unit import EpisodeUnit
-from ..lerobot.unit_rows import stores_images
+from ..lerobot.units.rows import stores_images
+from ..lerobot.units.unit import EpisodeUnit
 from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
 from ..video.depth_codes import codes_to_depth, decode_depth_tiff
 from ..video.mp4 import write_depth_video

@@ -14,9 +14,9 @@ import pyarrow as pa
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY, RGB_KEY, Features
-from ..lerobot.unit import EpisodeUnit, read_episode_unit
-from ..lerobot.unit_parts import UnitParts, write_unit
-from ..lerobot.unit_rows import row_arrays, stores_images, with_depth_images
+from ..lerobot.units.parts import UnitParts, write_unit
+from ..lerobot.units.rows import row_arrays, stores_images, with_depth_images
+from ..lerobot.units.unit import EpisodeUnit, read_episode_unit
 from ..mcap.camera import camera_messages
 from ..mcap.camera_streams import extract_videos
 from ..mcap.episode import (

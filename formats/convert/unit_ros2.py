@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from ..core.errors import FileFormatError
-from ..lerobot.unit import read_episode_unit
-from ..lerobot.unit_rows import row_arrays
+from ..lerobot.units.rows import row_arrays
+from ..lerobot.units.unit import read_episode_unit
 from ..mcap.shown import MAP_TOPIC
 from ..ros2.episode import write_bag
 from ..ros2.maps import WalkMap

@@ -26,8 +26,8 @@ from ..core.rollout import DISCRETE_RATE_HZ, EndReason
 from ..lerobot.features import dataset_features
 from ..lerobot.layout import EPISODE_ROWS
 from ..lerobot.statistics import column_statistics
-from ..lerobot.unit_parts import UnitParts
-from ..lerobot.unit_rows import unit_rows
+from ..lerobot.units.parts import UnitParts
+from ..lerobot.units.rows import unit_rows
 from ..rendered.table import FrameTable, StartFrame, planar_motion
 from ..video.stream import probe_video
 from . import layout

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..convert.stored_depth import depth_range_of
 from ..core.errors import FileFormatError
 from ..lerobot import layout as v3
-from ..lerobot.unit import EpisodeUnit
+from ..lerobot.units.unit import EpisodeUnit
 from ..video.mp4 import iterate_depth_video, iterate_rgb_video
 from . import layout
 

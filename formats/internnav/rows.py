@@ -13,8 +13,8 @@ from ..core.errors import FileFormatError
 from ..core.frames import OPTICAL_IN_BODY, matrix_to_quat, quat_multiply, quat_to_yaw
 from ..core.rollout import DAGGER
 from ..lerobot.statistics import column_statistics
-from ..lerobot.unit import EpisodeUnit
-from ..lerobot.unit_rows import row_arrays
+from ..lerobot.units.rows import row_arrays
+from ..lerobot.units.unit import EpisodeUnit
 from ..rendered.discrete_steps import discrete_steps, planar_poses
 from ..rendered.table import planar_motion
 

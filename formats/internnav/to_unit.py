@@ -17,8 +17,8 @@ from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..lerobot import layout as v3
 from ..lerobot.statistics import picture_statistics
-from ..lerobot.unit_parts import UnitParts, write_unit
-from ..lerobot.unit_rows import stores_images, unit_rows, with_depth_images
+from ..lerobot.units.parts import UnitParts, write_unit
+from ..lerobot.units.rows import stores_images, unit_rows, with_depth_images
 from ..rendered.image_counts import new_depth_counts, new_rgb_counts
 from ..video.mp4 import write_depth_video, write_rgb_video
 from . import layout

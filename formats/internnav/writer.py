@@ -17,7 +17,7 @@ from ..core.errors import FileFormatError
 from ..core.rollout import EndReason
 from ..lerobot import layout as v3
 from ..lerobot.episode_columns import camera_of
-from ..lerobot.unit import EpisodeUnit, read_episode_unit
+from ..lerobot.units.unit import EpisodeUnit, read_episode_unit
 from ..vlnce.vocabulary import Vocabulary
 from . import layout
 from .images import write_frames

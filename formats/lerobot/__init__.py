@@ -7,7 +7,7 @@ unit or dataset that is missing, incomplete, corrupt or of another version.
 
 from .assemble import DatasetSummary, assemble_dataset
 from .layout import FileLimits
-from .unit import EpisodeUnit, read_episode_unit, write_episode_unit
+from .units.unit import EpisodeUnit, read_episode_unit, write_episode_unit
 
 __all__ = [
     "DatasetSummary",

@@ -23,8 +23,8 @@ from .layout import Features, FileLimits, FilePlace, row_schema, tasks_table
 from .rolling import EpisodeTable, RollingParquet
 from .splits import published_split
 from .statistics import StatisticsSum, column_statistics, statistics_to_json
-from .unit import EpisodeUnit, read_episode_unit
-from .unit_rows import row_arrays
+from .units.rows import row_arrays
+from .units.unit import EpisodeUnit, read_episode_unit
 
 # LeRobot compares frame times in single precision with a tolerance of 0.1 ms. Beyond 1,024 s its
 # spacing is coarser, unless the frame period is a power of two, which it holds exactly.

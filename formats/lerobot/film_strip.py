@@ -10,7 +10,7 @@ from ..core.arrays import U8
 from ..video.depth_picture import depth_picture, depth_scale
 from ..video.stream import pick_frames
 from .layout import RGB_KEY
-from .unit import EpisodeUnit
+from .units.unit import EpisodeUnit
 
 EPISODES, FRAMES = 3, 6
 WIDTH_PX, GAP_PX = 160, 4

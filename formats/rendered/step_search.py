@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.kernel import kernel
 from ..core.rollout import FORWARD_STEP_M, TURN_STEP_RAD
+from ..process.kernel import kernel
 
 _HEADINGS = 5  # multiples of 15° around the robot's heading that are tried
 _CELL, _CELLS = 0.25, 21  # size of an offset's cell in FORWARD steps, and their number per axis

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ..core.arrays import Array, Floats, Mask
 from ..core.geometry import triangle_cross
-from ..core.kernel import kernel
+from ..process.kernel import kernel
 from .grid import GridSpec
 
 

@@ -16,8 +16,8 @@ from ..core.frames import quat_multiply, quat_to_matrix, yaw_to_quat
 from ..core.rollout import DAGGER, TURN_STEP_RAD
 from ..lerobot.episode_columns import camera_of
 from ..lerobot.layout import RGB_KEY
-from ..lerobot.unit import EpisodeUnit, read_episode_unit
-from ..lerobot.unit_rows import row_arrays
+from ..lerobot.units.rows import row_arrays
+from ..lerobot.units.unit import EpisodeUnit, read_episode_unit
 from ..rendered.discrete_steps import DiscreteSteps, discrete_steps, planar_poses
 from ..video.stream import decode_frames
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import F32, Array
-from ...formats.core.kernel import inlined, kernel
+from ...formats.process.kernel import inlined, kernel
 
 f32 = np.float32
 

@@ -18,7 +18,7 @@ from numba import types
 from numba.core.typing.templates import signature
 
 from ...formats.core.errors import VlnpeError
-from ...formats.core.kernel import inlined
+from ...formats.process.kernel import inlined
 
 _CALL = signature(types.void, types.uintp, types.uintp, types.uintp, types.uintp)
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...formats.core.arrays import F32, I32, Floats, Mask
 from ...formats.core.errors import VlnpeError
-from ...formats.core.kernel import inlined, kernel
+from ...formats.process.kernel import inlined, kernel
 from .library import call_intersect, call_occluded, device, lanes, library
 
 f32 = np.float32

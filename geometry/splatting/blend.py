@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from .project import (
     BLUE,
     CONIC_XX,

@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from .scene import MIN_ALPHA, STEP
 
 TILE = 16

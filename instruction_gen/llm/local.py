@@ -15,7 +15,7 @@ from typing import Any
 
 from ...formats.core.checkout import install_command
 from ...formats.core.errors import InputError
-from ...formats.core.threads import available_cores
+from ...formats.process.threads import available_cores
 from .answers import answer_schema
 from .budget import Usage
 from .client import Backend, Messages, Reply, RetryableError

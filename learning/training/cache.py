@@ -18,8 +18,8 @@ from ...datasets.episode_index import EpisodeEntry
 from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file, file_digest
 from ...formats.core.errors import FileFormatError
-from ...formats.core.progress import progress_bar
-from ...formats.core.source import code_digest
+from ...formats.process.progress import progress_bar
+from ...formats.process.source import code_digest
 from ..config import IMAGES
 from ..images import DEPTH_STEP_M, to_millimetres
 from ..pretrained import FrozenEncoder

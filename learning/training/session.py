@@ -20,10 +20,10 @@ from ...datasets.sequences import EpisodeSequences, SequenceConfig
 from ...datasets.tokens import Tokens, training_tokens
 from ...formats.core.atomic import file_digest, write_bytes
 from ...formats.core.errors import InputError, check_name
-from ...formats.core.progress import progress_bar
 from ...formats.core.rollout import DAGGER, EndReason
-from ...formats.core.source import code_digest
 from ...formats.lerobot.layout import STATS_PATH
+from ...formats.process.progress import progress_bar
+from ...formats.process.source import code_digest
 from ..camera import view_of
 from ..card import SUFFIX, Card, View
 from ..checkpoint import Checkpoint, load_checkpoint

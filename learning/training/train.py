@@ -19,7 +19,7 @@ from ...datasets.sequences import collate_sequences
 from ...datasets.tokens import Tokens
 from ...formats.core.atomic import atomic_file
 from ...formats.core.errors import FileFormatError
-from ...formats.core.threads import made_ahead
+from ...formats.process.threads import made_ahead
 from ..config import TrainConfig
 from ..models.registry import Model, build_model
 from .cache import CachedSequences

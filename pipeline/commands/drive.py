@@ -20,7 +20,7 @@ from ..engine.ledger import Row
 from ..engine.run_folder import RunFolder
 from ..inputs.crews import chosen_robots, keep
 from ..inputs.views import chosen_views
-from ..options.drive import Drive
+from ..options.viewer import Drive
 from ..report import items as report
 from ..report.gather import robot_rows
 from ..stages.rollouts import drive_items

@@ -11,7 +11,7 @@ from ...formats.core.atomic import write_bytes
 from ...formats.core.errors import MissingExtraError, UnknownNameError
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
 from ..inputs.walks import entries_of, scenes_beside
-from ..options.view import View
+from ..options.viewer import View
 from ..summary import has_display, print_result
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from ..engine.ledger import Ledger, Row
 from ..inputs.episode_file import episodes_of
 from ..inputs.folders import scenes_in
 from ..options.collect import Collect
-from ..options.drive import Drive
+from ..options.viewer import Drive
 from ..stages.scenes import items as repair
 
 

@@ -28,7 +28,7 @@ from ...rendering.registry import scene_renderer_name
 from ...viewer.gate import open_page
 from ...wayfinding.planning import floor_z
 from ..collect.run import Run
-from ..options.drive import Drive as Options
+from ..options.viewer import Drive as Options
 from ..stages.rollouts import drive_items
 from ..stages.rollouts.render_job import scene_renderer
 from ..stages.rollouts.replay_items import item_names

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...formats.core.source import NAME, imported_modules, libraries, module_digest
+from ...formats.process.source import NAME, imported_modules, libraries, module_digest
 from .work import Job, digest, unused_libraries
 
 CODE = "code"

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ...formats.core.source import source_digest
+from ...formats.process.source import source_digest
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.progress import progress_bar
+from ...formats.process.progress import progress_bar
 from ..engine.files import Records
 from ..engine.ledger import Row
 from ..engine.work import WorkItem

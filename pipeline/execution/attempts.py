@@ -11,7 +11,7 @@ from pathlib import Path
 
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import VlnpeError
-from ...formats.core.threads import allow_threads
+from ...formats.process.threads import allow_threads
 from ..engine.files import Records, all_records
 from ..engine.work import ItemResult, Job, WorkItem
 from .base import Executor

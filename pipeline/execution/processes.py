@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from typing import Any
 
-from ...formats.core.source import write_cache
+from ...formats.process.source import write_cache
 from ..engine.signals import without_interrupts
 from .base import Executor
 

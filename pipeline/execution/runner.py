@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import InputError, VlnpeError
-from ...formats.core.progress import progress_bar
+from ...formats.process.progress import progress_bar
 from ..engine.explain import changes, parts_of
 from ..engine.ledger import Ledger
 from ..engine.rows import Row, StageSummary

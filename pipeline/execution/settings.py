@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...formats.core.errors import InputError, check_name
-from ...formats.core.threads import available_cores
+from ...formats.process.threads import available_cores
 from .base import Executor
 from .processes import Workers
 

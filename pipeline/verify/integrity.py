@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ...formats.core.atomic import TEMPORARY_PREFIX
-from ...formats.core.progress import progress_bar
+from ...formats.process.progress import progress_bar
 from ...instruction_gen.review.decisions import DecisionFile
 from ..context import LEDGERS
 from ..engine.files import FileRecord, resized

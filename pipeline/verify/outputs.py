@@ -8,7 +8,7 @@ from pathlib import Path
 from mcap.reader import make_reader
 
 from ...formats.internnav.reader import find_scenes, read_layout_episode
-from ...formats.lerobot.unit import read_episode_unit
+from ...formats.lerobot.units.unit import read_episode_unit
 from ...formats.mcap.rollout import read_rollout
 from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle

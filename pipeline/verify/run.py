@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...collectors.robots.registry import ROBOTS
 from ...formats.core.errors import FileFormatError
-from ...formats.core.progress import progress_bar
+from ...formats.process.progress import progress_bar
 from ...formats.scene.bundle import INDEX_NAME
 from ..context import LEDGERS
 from ..engine.ledger import MANIFEST_NAME, Ledger

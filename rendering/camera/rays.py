@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import F32, I32, Array
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 
 # Samples around the centre, whose ray is traced anyway: all four differ in row and in column.
 SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)

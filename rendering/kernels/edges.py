@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import F32, I32, U8, Mask
-from ...formats.core.kernel import inlined, kernel
+from ...formats.process.kernel import inlined, kernel
 from .data import UNCOUNTED
 
 U0, U1, U2 = np.uint64(0), np.uint64(1), np.uint64(2)  # indices that need no check for negatives

@@ -8,7 +8,7 @@ since the processor guesses the number of taps less often. Steps and helpers are
 import numpy as np
 
 from ...formats.core.arrays import F32, I32
-from ...formats.core.kernel import inlined, kernel
+from ...formats.process.kernel import inlined, kernel
 from ...geometry.rays.library import call_intersect, call_occluded
 from ...geometry.rays.packets import FAR, GEOM, HIT_U, HIT_V, NORMAL, PRIM, VALID, fill_ray
 from .data import FAST, UNCOUNTED, Hits, LightArrays, Packets, SceneArrays

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import F32, I64, U8
-from ...formats.core.kernel import inlined, kernel
+from ...formats.process.kernel import inlined, kernel
 from ...geometry.rays.packets import PacketHits
 from .data import FAST, UNCOUNTED, LightArrays
 from .surface_light import background, exposed, incident, robot_shadow, viewer_side

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...formats.core.arrays import F32, U8
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 
 ENCODE_STEPS = 4096
 

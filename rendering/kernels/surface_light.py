@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import F32
-from ...formats.core.kernel import inlined
+from ...formats.process.kernel import inlined
 from .cube_grid import CubeGrid
 from .data import FAST, LightArrays
 from .vectors import blend_cells

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ...formats.core.kernel import inlined
+from ...formats.process.kernel import inlined
 from .data import FAST, TexturePack
 from .vectors import filter_texels, prefetch
 

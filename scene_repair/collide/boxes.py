@@ -3,7 +3,7 @@
 import numpy as np
 
 from ...formats.core.arrays import U8
-from ...formats.core.kernel import called, kernel
+from ...formats.process.kernel import called, kernel
 from ...formats.scene.bundle import Obstacles
 from .voxels import STEPS, Voxels
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import I32, I64, U8, Array, Mask
-from ...formats.core.kernel import called, kernel
+from ...formats.process.kernel import called, kernel
 from ...formats.scene.grid import GridSpec
 
 # Extents are stored in 1/250 of a voxel: 0.2 mm at 5 cm.

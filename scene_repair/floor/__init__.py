@@ -1,1 +1,1 @@
-"""Levels, their floors, and the repair of a floor's holes."""
+"""The repair of a floor: its holes, bumps and patches."""

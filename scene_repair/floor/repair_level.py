@@ -15,11 +15,11 @@ from ..grid.world_mesh import WorldMesh
 from ..paint.floor_texture import paint_floor, uv_on
 from ..paint.materials import MaterialSampler
 from ..scan.record import ScanMaterial, ScanObject
+from ..storeys.levels import ScannedFloor
 from .evidence import Evidence, gather_evidence
 from .fill_plan import cells_at, heights_everywhere, plan_fill
 from .flatten import Bump, flatten_bumps
 from .holes import Hole, find_holes
-from .levels import ScannedFloor
 from .patch import Patch, build_patch
 from .patch_region import patch_region
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...formats.core.arrays import F32, I32, I64, Array
 from ...formats.core.errors import SceneError
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ...formats.scene.grid import GridSpec
 
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.

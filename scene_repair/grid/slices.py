@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.arrays import I64, Array
-from ...formats.core.kernel import kernel
+from ...formats.process.kernel import kernel
 from ...formats.scene.grid import GridSpec
 from .morphology import Window
 

@@ -4,7 +4,7 @@ import numpy as np
 from PIL import Image
 
 from ...formats.core.arrays import F32, I32, I64, Array, Mask
-from ...formats.core.threads import in_order
+from ...formats.process.threads import in_order
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import top_faces
 from ..grid.morphology import Window, grow

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from ...formats.core.arrays import Array, Mask
 from ...formats.core.errors import FileFormatError
-from ...formats.core.threads import in_order
+from ...formats.process.threads import in_order
 from ...formats.scene.bundle import Floor, SceneBundle, VisualMesh
 from ...formats.scene.freemap import Freemap
 from ..collide.level_collision import LevelCollision

@@ -6,10 +6,10 @@ from typing import Any
 
 from ...formats.core.arrays import Array
 from ..collide.level_collision import LevelCollision
-from ..floor.flights import Flight
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
 from ..orient.scale import HIGH_ROOM_M, LOW_ROOM_M, ROOM_M, hall
+from ..storeys.flights import Flight
 from ..verify.verdict import counted
 
 LEAST_FLOOR_M2 = 4.0  # a scene is rarely made for less

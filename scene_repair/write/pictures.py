@@ -11,10 +11,10 @@ from ...formats.core.arrays import F32, U8, Array, Mask
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
 from ...geometry.rays.packets import PacketScene
-from ..floor.flights import Flight
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler
+from ..storeys.flights import Flight
 
 # The cut above the floor: under ceilings and lamps, above furniture and people.
 CUT_M = 2.2

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...formats.core.arrays import I32
 from ...formats.core.atomic import file_digest, write_json
-from ...formats.core.threads import beside
+from ...formats.process.threads import beside
 from ...formats.scene import UNSOUND
 from ...formats.scene.bundle import (
     Floor,
@@ -27,7 +27,6 @@ from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
 from ..config import RepairConfig
-from ..floor.flights import Flight
 from ..floor.repair_level import RepairedFloor
 from ..grid.world_mesh import WorldMesh
 from ..labels.files import LabelBox
@@ -35,6 +34,7 @@ from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
 from ..paint.materials import MaterialSampler
 from ..scan.record import Scan
+from ..storeys.flights import Flight
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import describe_flight, describe_level, doubts, repair_titles

@@ -15,7 +15,7 @@ from vlnpe.apartments.scanner import atlas
 from vlnpe.apartments.scanner.depth import DepthCamera
 from vlnpe.apartments.scanner.stations import look
 from vlnpe.apartments.scanner.tracing import Tracer
-from vlnpe.formats.core.threads import allow_threads
+from vlnpe.formats.process.threads import allow_threads
 from vlnpe.formats.scene.arrays import grid_of
 
 pytestmark = pytest.mark.chain

@@ -11,10 +11,10 @@ from tests.support.scenes import buildings, scans
 from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.floor.flights import Flight, find_flights
-from vlnpe.scene_repair.floor.levels import ScannedFloor
-from vlnpe.scene_repair.floor.surfaces import find_surfaces
 from vlnpe.scene_repair.grid.columns import sample_columns
+from vlnpe.scene_repair.storeys.flights import Flight, find_flights
+from vlnpe.scene_repair.storeys.levels import ScannedFloor
+from vlnpe.scene_repair.storeys.surfaces import find_surfaces
 
 GRID = GridSpec((-4.0, -4.0), 0.025, 320, 320)
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array, Mask
-from ....formats.core.kernel import called, kernel
+from ....formats.process.kernel import called, kernel
 from ...robots import RobotHandles
 from .gait import RATE_HZ
 from .legs import GRAVITY_M_S2, Legs, cross, dot, foot_motion

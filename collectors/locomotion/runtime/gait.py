@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....formats.core.arrays import I64, Array, Mask
-from ....formats.core.kernel import kernel
+from ....formats.process.kernel import kernel
 from ...robots import POLICY_DECIMATION, TIMESTEP_S
 
 # The monomials of a calibration: which of vx, vy and yaw are multiplied.

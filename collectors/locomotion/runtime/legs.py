@@ -8,7 +8,7 @@ import numpy as np
 from ....formats.core.arrays import I64, Array
 from ....formats.core.errors import InputError
 from ....formats.core.frames import quat_to_matrix
-from ....formats.core.kernel import called, kernel
+from ....formats.process.kernel import called, kernel
 from ...robots import RobotHandles
 
 GRAVITY_M_S2 = 9.81

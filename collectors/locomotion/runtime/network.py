@@ -11,7 +11,7 @@ from safetensors.numpy import load, save
 
 from ....formats.core.arrays import F32, I64, Floats
 from ....formats.core.errors import FileFormatError, brief
-from ....formats.core.kernel import kernel
+from ....formats.process.kernel import kernel
 
 Layers = tuple[list[F32], list[F32]]
 

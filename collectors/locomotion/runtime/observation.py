@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array
-from ....formats.core.kernel import called, kernel
+from ....formats.process.kernel import called, kernel
 from ...robots import RobotHandles
 
 

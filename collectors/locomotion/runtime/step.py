@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from ....formats.core.arrays import Array, Floats
-from ....formats.core.kernel import kernel
+from ....formats.process.kernel import kernel
 from ...robots import CommandLimits, RobotHandles
 from .estimator import StateEstimator
 from .gait import ClockState, GaitClock, GaitTables, aim_at, catch, refer, tick

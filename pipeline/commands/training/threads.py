@@ -3,7 +3,7 @@
 import os
 
 from ....formats.core.errors import MissingExtraError
-from ....formats.core.threads import available_cores
+from ....formats.process.threads import available_cores
 
 
 def start_torch(threads: int) -> None:

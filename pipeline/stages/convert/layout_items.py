@@ -16,7 +16,7 @@ from ....formats.internnav.writer import share_instructions
 from ....formats.lerobot import read_episode_unit
 from ....formats.lerobot.layout import DEPTH_KEY
 from ....formats.lerobot.splits import TRAIN, published_split
-from ....formats.lerobot.unit import EpisodeUnit
+from ....formats.lerobot.units.unit import EpisodeUnit
 from ....formats.trainers.answers import parse_balance
 from ....formats.trainers.registry import LAYOUTS
 from ....formats.trainers.subset import Layout, Subset

@@ -8,9 +8,9 @@ from typing import Any
 from ....collectors.robots import RobotSpec
 from ....formats.core.errors import check_name
 from ....formats.core.rollout import EndReason
-from ....formats.core.source import code_digest
 from ....formats.lerobot.features import DEPTH_STORAGES
 from ....formats.lerobot.splits import held_out_scenes, is_published_holdout
+from ....formats.process.source import code_digest
 from ....formats.scene.bundle import INDEX_NAME
 from ....formats.vlnce.files import read_episodes
 from ....formats.vlnce.groups import group_by_path

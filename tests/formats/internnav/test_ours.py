@@ -22,7 +22,7 @@ from vlnpe.formats.internnav.reader import find_scenes
 from vlnpe.formats.internnav.to_unit import unit_from_layout
 from vlnpe.formats.internnav.writer import SceneEpisode, write_scene
 from vlnpe.formats.lerobot import read_episode_unit
-from vlnpe.formats.lerobot.unit_rows import row_arrays
+from vlnpe.formats.lerobot.units.rows import row_arrays
 from vlnpe.formats.rendered.discrete_steps import discrete_steps, execute, planar_poses
 from vlnpe.formats.video.mp4 import iterate_depth_codes, read_rgb_video
 from vlnpe.formats.vlnce.vocabulary import Vocabulary

@@ -16,7 +16,7 @@ from vlnpe.formats.convert.ros2_unit import unit_from_log
 from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import read_episode_unit
-from vlnpe.formats.lerobot.unit_rows import row_arrays
+from vlnpe.formats.lerobot.units.rows import row_arrays
 from vlnpe.formats.ros2.resample import spans
 from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
 from vlnpe.formats.ros2.tracks import read_tracks

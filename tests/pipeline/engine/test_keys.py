@@ -12,8 +12,8 @@ import pytest
 from vlnpe.collectors.locomotion.runtime.onnx_runtime import EXTRA
 from vlnpe.collectors.replay.replay import ReplayConfig
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.core import source
 from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.process import source
 from vlnpe.pipeline.engine.work import Job, work_item
 from vlnpe.pipeline.stages.rollouts.replay_job import ReplayJob, Walker
 from vlnpe.pipeline.stages.scenes.repair import RepairJob
@@ -49,7 +49,7 @@ import json, sys
 from functools import cache
 from pathlib import Path
 from vlnpe.collectors.robots import get_robot
-from vlnpe.formats.core import source
+from vlnpe.formats.process import source
 
 jobs, edits = json.load(sys.stdin)
 parse = source._source.__wrapped__
@@ -211,7 +211,7 @@ HELPER = """from numba import njit
 def helper(x):
     return x + 1
 """
-CALLER = """from .core.kernel import kernel
+CALLER = """from .process.kernel import kernel
 from .trial_helper import helper
 
 @kernel()
@@ -237,7 +237,8 @@ def test_a_kernel_is_compiled_again_when_a_helper_of_another_module_changes(tree
 
 def test_of_processes_that_need_a_kernel_at_once_one_compiles_it(tree):
     (tree / "formats/trial_twice.py").write_text(
-        "from .core.kernel import kernel\n\n@kernel()\ndef twice(x):\n    return sorted([x, x])\n"
+        "from .process.kernel import kernel\n\n"
+        "@kernel()\ndef twice(x):\n    return sorted([x, x])\n"
     )
     code = "from vlnpe.formats.trial_twice import twice\nprint('ready', flush=True)\ninput()\n"
     code += "twice(1)\nprint(sum(twice.stats.cache_hits.values()))"

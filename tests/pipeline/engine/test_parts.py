@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from tests.support.runs import work
-from vlnpe.formats.core import progress
 from vlnpe.formats.core.atomic import sweep_beside
+from vlnpe.formats.process import progress
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.engine.work import WorkItem
 from vlnpe.pipeline.execution import parts

@@ -295,7 +295,7 @@ def test_a_piped_run_prints_few_lines_per_stage(tmp_path: Path) -> None:
     code = f"""
 from pathlib import Path
 from tests.support.runs import work
-from vlnpe.formats.core import progress
+from vlnpe.formats.process import progress
 from vlnpe.pipeline.execution.processes import Workers
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.execution.runner import Context, run_stage

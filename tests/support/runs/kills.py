@@ -17,7 +17,7 @@ EPISODES = "episodes"  # the name of their common progress
 # In a pipe, a stage's first line is written after `SHORT_S`; here, when the stage begins.
 PROMPT = """
 import sys
-from vlnpe.formats.core import progress
+from vlnpe.formats.process import progress
 from vlnpe.pipeline.cli import main
 
 progress.SHORT_S = 0.0

@@ -9,11 +9,11 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ..core.atomic import atomic_folder
-from ..core.errors import FileFormatError
-from .info import check_features
-from .layout import Features
-from .statistics import Statistics, statistics_from_json, statistics_to_json
+from ...core.atomic import atomic_folder
+from ...core.errors import FileFormatError
+from ..info import check_features
+from ..layout import Features
+from ..statistics import Statistics, statistics_from_json, statistics_to_json
 
 UNIT_INDEX = "unit.json"
 UNIT_VERSION = 1

@@ -9,7 +9,7 @@ from pathlib import Path
 DIGEST = """
 import sys
 from pathlib import Path
-from vlnpe.formats.core import source
+from vlnpe.formats.process import source
 source.ROOT = Path(sys.argv[1])
 source.code_digest("one")
 """
@@ -17,7 +17,7 @@ source.code_digest("one")
 OWNERS = """
 import sys
 from pathlib import Path
-from vlnpe.formats.core import source
+from vlnpe.formats.process import source
 source.ROOT, sys.prefix = Path(sys.argv[1]), sys.argv[2]
 found = []
 source.packages_distributions = lambda: found.append(1) or {"made": ["it"]}

@@ -2,11 +2,11 @@
 
 import sys
 
-from ...evaluation.policies.names import MAPS, MODEL_POLICIES, ORACLE
-from ...evaluation.policies.registry import resolve_policy
-from ...formats.core.errors import InputError, MissingExtraError
-from ...learning.card import read_card
-from ..options.evaluate import Serve
+from ....evaluation.policies.names import MAPS, MODEL_POLICIES, ORACLE
+from ....evaluation.policies.registry import resolve_policy
+from ....formats.core.errors import InputError, MissingExtraError
+from ....learning.card import read_card
+from ...options.evaluate import Serve
 
 MOST_PORTS = 65535
 
@@ -26,7 +26,7 @@ def run(options: Serve) -> int:
     if not 0 <= options.port <= MOST_PORTS:
         raise InputError(f"--port {options.port}; valid: 0 to {MOST_PORTS}")
     try:
-        from ...evaluation.http.server import DualServer, listening
+        from ....evaluation.http.server import DualServer, listening
     except ModuleNotFoundError as error:
         raise MissingExtraError("vlnpe serve", "evaluate") from error
     policy.identity()  # a damaged checkpoint is said before anything listens

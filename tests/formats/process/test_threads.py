@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from vlnpe.formats.core.threads import allow_threads, beside, in_order, made_ahead
+from vlnpe.formats.process.threads import allow_threads, beside, in_order, made_ahead
 
 
 @pytest.mark.parametrize("count", [1, 2, 4])

@@ -18,29 +18,29 @@ from typing import cast
 import numpy as np
 import pyarrow as pa
 
-from ..core.arrays import F32, I64, U16
-from ..core.camera import CameraModel, DepthRange
-from ..core.errors import FileFormatError, check_name
-from ..core.rollout import Rollout
-from ..rendered.folder import FrameFolder
-from ..rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
-from ..rendered.table import FrameTable, build_frame_table
-from ..untrusted.documents import read_json_object
-from ..untrusted.tables import read_table
-from ..video.depth_codes import (
+from ...core.arrays import F32, I64, U16
+from ...core.camera import CameraModel, DepthRange
+from ...core.errors import FileFormatError, check_name
+from ...core.rollout import Rollout
+from ...rendered.folder import FrameFolder
+from ...rendered.image_counts import add_depth_codes, add_rgb, new_depth_counts, new_rgb_counts
+from ...rendered.table import FrameTable, build_frame_table
+from ...untrusted.documents import read_json_object
+from ...untrusted.tables import read_table
+from ...video.depth_codes import (
     DEPTH_PIXEL_FORMAT,
     MAX_CODE,
     codes_to_depth,
     decode_depth_tiff,
 )
-from ..video.mp4 import iterate_depth_codes, iterate_rgb_video
-from ..video.stream import VideoFacts, pick_frames, probe_video
-from .episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
-from .features import DEPTH_STORAGES, dataset_features
-from .layout import DEPTH_KEY, RGB_KEY
-from .statistics import column_statistics, picture_statistics
-from .unit_parts import ROWS, UNIT_INDEX, UnitParts, write_unit
-from .unit_rows import stores_images, unit_rows, with_depth_images
+from ...video.mp4 import iterate_depth_codes, iterate_rgb_video
+from ...video.stream import VideoFacts, pick_frames, probe_video
+from ..episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
+from ..features import DEPTH_STORAGES, dataset_features
+from ..layout import DEPTH_KEY, RGB_KEY
+from ..statistics import column_statistics, picture_statistics
+from .parts import ROWS, UNIT_INDEX, UnitParts, write_unit
+from .rows import stores_images, unit_rows, with_depth_images
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,14 +1,14 @@
 """Command `dagger`: a policy walks, the expert labels, and the walks become a dataset."""
 
-from ...evaluation.policies.names import MODEL_POLICIES, ORACLE
-from ...formats.core.errors import InputError
-from ..collect.evaluation import chosen_trial
-from ..collect.walked_dataset import walked_dataset
-from ..context import open_context
-from ..options.evaluate import Dagger, Evaluate
-from ..options.shared import settings_of
-from ..report.gather import robot_rows
-from ..summary import joined, print_result, robot_table, stage_table
+from ....evaluation.policies.names import MODEL_POLICIES, ORACLE
+from ....formats.core.errors import InputError
+from ...collect.evaluation import chosen_trial
+from ...collect.walked_dataset import walked_dataset
+from ...context import open_context
+from ...options.evaluate import Dagger, Evaluate
+from ...options.shared import settings_of
+from ...report.gather import robot_rows
+from ...summary import joined, print_result, robot_table, stage_table
 
 ALL = "all"
 

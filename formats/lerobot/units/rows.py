@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from ..core.camera import DepthRange
-from ..video.depth_codes import codes_to_millimetres, encode_depth_tiff
-from ..video.mp4 import iterate_depth_codes
-from .layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
+from ...core.camera import DepthRange
+from ...video.depth_codes import codes_to_millimetres, encode_depth_tiff
+from ...video.mp4 import iterate_depth_codes
+from ..layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
 
 
 def unit_schema(features: Features) -> pa.Schema:

@@ -19,7 +19,7 @@ from importlib.metadata import PackageNotFoundError, packages_distributions, ver
 from pathlib import Path
 from typing import Any
 
-from .atomic import write_bytes
+from ..core.atomic import write_bytes
 
 ROOT = Path(__file__).resolve().parents[2]  # of the package: in a checkout the repository
 NAME = __name__.split(".")[0]

@@ -7,27 +7,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...collectors.controllers import CONTROLLERS, valid_controllers
-from ...evaluation.policies.registry import resolve_policy
-from ...evaluation.results import COLUMNS, cell_text, interval_of
-from ...evaluation.rounds import spread
-from ...formats.core.atomic import atomic_file, write_json
-from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError, check_name, did_you_mean
-from ...formats.core.source import code_digest
-from ...formats.vlnce.files import read_episodes, write_episodes
-from ..collect import command as collect
-from ..collect.evaluation import evaluate_policy
-from ..context import open_context
-from ..engine.ledger import MANIFEST_NAME
-from ..inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
-from ..inputs.crews import chosen_robots, listed_names
-from ..options.benchmark import Benchmark
-from ..options.collect import Collect
-from ..options.evaluate import Evaluate
-from ..provenance import versions
-from ..stages.evaluation.job import EvaluateJob
-from ..summary import print_result
+from ....collectors.controllers import CONTROLLERS, valid_controllers
+from ....evaluation.policies.registry import resolve_policy
+from ....evaluation.results import COLUMNS, cell_text, interval_of
+from ....evaluation.rounds import spread
+from ....formats.core.atomic import atomic_file, write_json
+from ....formats.core.episode import Episode
+from ....formats.core.errors import InputError, check_name, did_you_mean
+from ....formats.process.source import code_digest
+from ....formats.vlnce.files import read_episodes, write_episodes
+from ...collect import command as collect
+from ...collect.evaluation import evaluate_policy
+from ...context import open_context
+from ...engine.ledger import MANIFEST_NAME
+from ...inputs.benchmark_sets import SETS, BenchmarkSet, episodes_digest, paths_digest
+from ...inputs.crews import chosen_robots, listed_names
+from ...options.collect import Collect
+from ...options.evaluate import Benchmark, Evaluate
+from ...provenance import versions
+from ...stages.evaluation.job import EvaluateJob
+from ...summary import print_result
 
 FOLDER, RESULT_NAME, PAGE_NAME = "benchmark", "benchmark.json", "benchmark.md"
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import I32, I64, Array, Mask
-from ...formats.core.kernel import called, kernel
+from ...formats.process.kernel import called, kernel
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
 

@@ -8,10 +8,10 @@ from types import SimpleNamespace
 
 import pytest
 
-from vlnpe.formats.core import progress
+from vlnpe.formats.process import progress
 
 BARS = """
-from vlnpe.formats.core.progress import progress_bar
+from vlnpe.formats.process.progress import progress_bar
 
 with progress_bar("walk", 5000, note="done 0") as bar:
     for n in range(5000):
@@ -34,7 +34,7 @@ except KeyboardInterrupt:
 
 def lines_in_a_pipe(short_s: float) -> dict[str, list[list[str]]]:
     """Words of each line of the bars, by name, where one of less than `short_s` is short."""
-    code = f"from vlnpe.formats.core import progress\nprogress.SHORT_S = {short_s}\n{BARS}"
+    code = f"from vlnpe.formats.process import progress\nprogress.SHORT_S = {short_s}\n{BARS}"
     done = subprocess.run(
         [sys.executable, "-c", code], check=True, capture_output=True, text=True, timeout=120
     )

@@ -8,10 +8,10 @@ from ...formats.core.arrays import Array, Mask
 from ...formats.core.errors import SceneError
 from ...formats.scene.grid import GridSpec
 from ..config import RepairConfig
+from ..floor.reference import without_pits
 from ..grid.columns import Columns
 from ..grid.world_mesh import WorldMesh
 from .floor_parts import PITCH, FloorParts, measure_parts, walls_begin_m
-from .reference import without_pits
 from .surfaces import STANDING_M, Surfaces
 
 # Floors of one storey differ by less than this; storeys by more.

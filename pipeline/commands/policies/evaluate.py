@@ -4,7 +4,7 @@ import shlex
 from dataclasses import asdict
 from math import isnan
 
-from ...evaluation.results import (
+from ....evaluation.results import (
     COLUMNS,
     COUNTS,
     LEGEND,
@@ -16,12 +16,12 @@ from ...evaluation.results import (
     read_results,
     table,
 )
-from ...evaluation.statistics import LEAST_PATHS
-from ...formats.core.checkout import program
-from ..collect.evaluation import Evaluation, evaluate_policy
-from ..options.evaluate import Compare, Evaluate
-from ..report.policy_items import PAGE_NAME
-from ..summary import print_result
+from ....evaluation.statistics import LEAST_PATHS
+from ....formats.core.checkout import program
+from ...collect.evaluation import Evaluation, evaluate_policy
+from ...options.evaluate import Compare, Evaluate
+from ...report.policy_items import PAGE_NAME
+from ...summary import print_result
 
 
 def run_evaluate(options: Evaluate) -> int:

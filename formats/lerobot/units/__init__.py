@@ -1,0 +1,1 @@
+"""Units: the folder of one episode, which datasets are made of."""

@@ -1,0 +1,1 @@
+"""How code runs: digests of its source, compiled kernels, threads and progress."""

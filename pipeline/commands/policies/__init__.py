@@ -1,0 +1,1 @@
+"""Commands on policies: evaluate, compare, benchmark, serve, dagger."""

@@ -1,0 +1,1 @@
+"""Level surfaces, the storeys that they make, and the stairs between them."""
