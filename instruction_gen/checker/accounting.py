@@ -10,11 +10,19 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 from ..language.claims import Claim, Step
 from ..language.clauses import verb_at
-from ..language.lexicon import OBJECT_PHRASES, ROOM_PHRASES, noun_kind, singular
-from ..language.phrases import read_phrase
+from ..language.lexicon import (
+    OBJECT_PHRASES,
+    OBJECTS,
+    ROOM_PHRASES,
+    ROOMS,
+    noun_kind,
+    singular,
+)
+from ..language.phrases import read_phrase, read_side
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize
 from ..language.words import NEGATIONS, OPENINGS, ORDINALS, UNITS_M, VERB_OF, is_known, number_of
@@ -111,7 +119,8 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
         kind = "" if verb_at(tokens, k) or word in UNITS_M else noun_kind(word)
         verb, number = VERB_OF.get(word, ""), number_of(word)
         if word not in sides and (
-            word in ("left", "right") or (word == "behind" and _after(tokens, k) == "you")
+            word in ("left", "right")
+            or (word == "behind" and (read_side(tokens, k) or ("",))[0] not in {"", *sides})
         ):
             problems.append(f"no claim says {word}")
         elif word in NEGATIONS and "avoid" not in kinds:
@@ -217,7 +226,14 @@ def _covers(name: str, word: str) -> bool:
     A name of several words may also cover one of them: `shoe cabinet` a cabinet.
     """
     means = _meanings(name)
-    return singular(name) == singular(word) or (bool(means) and means <= _meanings(word))
+    same = singular(name) == singular(word) or _synonyms(name, word)
+    return same or (bool(means) and means <= _meanings(word))
+
+
+@cache
+def _synonyms(name: str, word: str) -> bool:
+    both = {singular(name), singular(word)}
+    return any(both <= same for same, _ in (*OBJECTS.values(), *ROOMS.values()))
 
 
 def _meanings(phrase: str) -> frozenset[str]:

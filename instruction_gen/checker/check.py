@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from ..language.claims import Step
 from ..language.reader import readings
+from ..language.tokens import misspelt
 from ..language.words import is_known
 from .accounting import accounting_problems, as_worded
 from .form import form_problems
@@ -19,7 +20,7 @@ class Verdict:
     Attributes:
         problems: why it is refused; none where it is accepted.
         clauses: start and end of its clauses in the text, and what is wrong with each.
-        unchecked: words that no claim covers.
+        unchecked: words that no claim covers, and misspelt ones with how they are read.
         steps: the steps with the claims that were checked.
     """
 
@@ -73,7 +74,7 @@ def _judged(
         reasons = tuple(dict.fromkeys(r for k, r in found if k == number))
         clauses.append((start, at, reasons))
     every = tuple(dict.fromkeys(reason for _, reason in found))
-    unchecked = tuple(w for step in steps for w in step.unchecked)
+    unchecked = (*(w for step in steps for w in step.unchecked), *misspelt(text))
     return Verdict(every, tuple(clauses), unchecked, tuple(steps))
 
 

@@ -11,7 +11,8 @@ from ..language.claims import Claim
 from .things import BESIDE_M, PASS_M, THROUGH_M, Mask, Place, Things, spoken_side
 
 _DOOR_M = 0.75  # around the middle of a passage
-_DOOR_SIDE_DEG, _AHEAD_DEG = 10.0, 48.0
+_DOOR_SIDE_DEG, _BEND_DEG, _AHEAD_DEG = 10.0, 35.0, 48.0
+_AT_ONCE_M = 1.5  # a turn so far behind a door is made before doorways are counted
 _DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 
 
@@ -87,7 +88,11 @@ class Ground(Things):
             row = [n for n in row if self.facts.landmarks[n].side == side]
         along = [self.facts.landmarks[n].along_m for n in row]
         numbers = {passage.ordinal} - {0}
-        for first_m in (visit.from_m - 0.3, visit.from_m + 0.5)[bool(side) :]:
+        turned_m = (t.along_m + 0.25 for t in self.facts.turns
+                    if abs(t.angle_deg) >= 45.0
+                    and 0.0 <= t.along_m - visit.from_m <= _AT_ONCE_M)  # fmt: skip
+        from_m = (visit.from_m - 0.3, visit.from_m + 0.5, *turned_m)
+        for first_m in from_m[bool(side) :]:
             numbers.add(1 + sum(first_m <= a < passage.along_m - 0.5 for a in along))
         last = not any(passage.along_m + 0.8 < a <= visit.to_m for a in along)
         return numbers | ({-1} if last else set())
@@ -242,9 +247,10 @@ class Ground(Things):
         if side == "behind":  # where the walk begins
             turned = any(abs(t.angle_deg) >= 90.0 for t in self.facts.turns if t.along_m < 1.0)
             return turned and passage is self.facts.passages[0]
-        if side == "ahead":
+        if side == "ahead":  # one that is straight ahead may be turned in
+            to_m = -0.4 if abs(passage.bearing_deg) <= _DOOR_SIDE_DEG else 0.1
             near = (
-                t.angle_deg for t in self.facts.turns if -1.5 <= t.along_m - passage.along_m < 0.1
+                t.angle_deg for t in self.facts.turns if -1.5 <= t.along_m - passage.along_m < to_m
             )
             return abs(sum(near)) < _AHEAD_DEG
         sign = 1 if side == "left" else -1
@@ -255,6 +261,9 @@ class Ground(Things):
             return side in (into[-1].side, "left" if passage.bearing_deg > 0 else "right")
         if into:
             return into[-1].side == side
+        if any(t.side == side and abs(t.angle_deg) >= _BEND_DEG and -1.0 <= t.along_m - passage.along_m <= 0.0
+               for t in self.facts.turns) and sign * passage.bearing_deg > _DOOR_SIDE_DEG:  # fmt: skip
+            return True
         after_m = 0.8 if aside else 1.3
         near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= after_m]
         turned, bearing = sign * sum(t.angle_deg for t in near), sign * passage.bearing_deg

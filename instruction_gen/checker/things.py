@@ -115,7 +115,7 @@ class Things:
             last[:, -1] &= (bearing[:, -1] >= 60.0) & (self.distance[:, -1] <= reach_m)
             last[:, -2] = False
         elif claim.place == "before":
-            last &= (bearing <= 105.0) | (self.near_m <= 0.6)
+            last &= (bearing <= 105.0) | (self.near_m <= 1.0)
         elif not claim.side:
             last &= (bearing <= 140.0) | (self.near_m <= 1.4)
         return last

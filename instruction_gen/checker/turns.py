@@ -64,7 +64,10 @@ class Turns:
         """
         result: dict[int, Mask] = {}
         ground, first = self.ground, float(self.along[np.argmax(here)])
-        behind = index > 0 and self.claims[index - 1].kind in ("leave", "enter", "door")
+        around = [c.kind for c in self.claims[max(index - 1, 0) : index + 2]]
+        # "Leave the bedroom, left through the door": one door.
+        behind = index > 0 and around[0] in ("leave", "enter", "door")
+        behind = behind and (around[0], around[-1]) != ("leave", "door")
         # Behind a door: what bends well before it is another turn.
         from_m = first + _BEHIND_M if behind else first - _SLACK_M
         limit = self.limit_m(made, index, first)

@@ -211,7 +211,8 @@ def _before_or_behind(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] 
     if two in (["before", "you"], ["before", "of"]):
         return "ahead", True, k + 2
     if two == ["behind", "you"]:
-        return "behind", True, k + 2
+        sided = read_side(tokens, k + 2)
+        return sided if sided and sided[1] else ("behind", True, k + 2)
     if two[:1] == ["ahead"] and (sided := read_side(tokens, k + 1)) is not None:
         return sided  # "ahead on the right"
     if two == ["ahead"] or (two[:1] == ["ahead"] and two[1] not in DETERMINERS):

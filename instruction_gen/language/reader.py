@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 from .claims import Claim, Step
 from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
@@ -12,7 +12,7 @@ from .phrases import read_distance, read_phrase, read_side
 from .tables import closed
 from .targets import claim_of, forbidden, preposition, sided, stop_at
 from .tokens import tokenize
-from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
+from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
 
 # "The table, which stays on your right": no way of the walker.
 _STAYS = closed("stays")
@@ -23,6 +23,7 @@ _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
+_ROUND = ("around", "round")
 _KEEPS = ("keep", "keeping", "stay", "staying")
 
 
@@ -317,7 +318,10 @@ class _Reader:
             clause.used.update(range(k, end))
             ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
                             if t.text in ORDINALS), 0)  # fmt: skip
-            claims.append(Claim("turn", side=side, degree=degree_of(tokens), ordinal=ordinal))
+            # "Curve around to the left" may be any turn.
+            bent = any(a.text in BENDS and b.text in _ROUND for a, b in pairwise(tokens[:end]))
+            degree = "" if bent else degree_of(tokens)
+            claims.append(Claim("turn", side=side, degree=degree, ordinal=ordinal))
         return ""
 
     def _place(self, clause: Clause, named: list[int], side: str) -> None:

@@ -3,8 +3,10 @@
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
+from .spelling import closed_gap, respelt
 from .tables import closed
 from .words import LONGEST_PHRASE, NUMBERS, VERB_OF, phrases
 
@@ -35,11 +37,15 @@ class Token:
 
 
 def tokenize(text: str) -> list[Token]:
-    """Split a text; `living room` and other known nouns are one token each."""
-    plain = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    """Split a text; `living room` and other known nouns are one token each.
+
+    Misspelt words are those that they are read as.
+    """
     raw: list[Token] = []
-    for match in _TOKEN.finditer(plain):
-        raw += _parts(match[0].lower(), match.start(), match.end())
+    for match in _TOKEN.finditer(_plain(text)):
+        word = match[0].lower()
+        for own in (respelt(word) or word).split():
+            raw += _parts(own, match.start(), match.end())
     # "The table's on your left", but "the table's end".
     split: list[Token] = []
     for k, token in enumerate(raw):
@@ -48,6 +54,18 @@ def tokenize(text: str) -> list[Token]:
         elif k + 1 < len(raw) and raw[k + 1].text in _PLACED:
             split.append(replace(token, text="is"))
     return _meant(_nouns(split))
+
+
+def misspelt(text: str) -> list[str]:
+    """Return the words that are misspelt, each with how it is read."""
+    words = [match[0].lower() for match in _TOKEN.finditer(_plain(text))]
+    pairs = {f"{a} {b}": closed_gap(a, b) for a, b in pairwise(words) if not _is_noun(f"{a} {b}")}
+    read = {word: respelt(word) for word in words} | pairs
+    return [f"{word} (read as {meant})" for word, meant in read.items() if meant]
+
+
+def _plain(text: str) -> str:
+    return re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
 
 
 def _parts(word: str, start: int, stop: int) -> list[Token]:
@@ -81,6 +99,9 @@ def _nouns(raw: list[Token]) -> list[Token]:
     def noun(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         exact = " ".join(words)
         phrase = " ".join([*words[:-1], singular(words[-1])])
+        if len(words) == 2 and not (_is_noun(phrase) or _is_noun(exact)):
+            whole = closed_gap(*words)
+            return (whole,) if whole else None
         return (exact,) if len(words) > 1 and (_is_noun(phrase) or _is_noun(exact)) else None
 
     return _replaced(raw, _LONGEST_NOUN, noun)

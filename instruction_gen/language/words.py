@@ -49,7 +49,7 @@ FILLERS = frozenset(table_text("fillers").split())
 SMALL = frozenset().union(
     FILLERS, VERB_OF, PREP_OF, DETERMINERS, ORDINALS, PARTS, JOINTS, SLIGHT, SHARP
 )
-_KNOWN = SMALL.union(
+KNOWN = SMALL.union(
     ADJECTIVES, COLOURS, MATERIALS, UNITS_M, VAGUE_COUNTS, NEGATIONS, PRONOUNS, ("left", "right")
 )
 
@@ -63,7 +63,7 @@ def number_of(word: str) -> float | None:
 
 def is_known(word: str) -> bool:
     """Return whether a word is in any table."""
-    forms = _KNOWN.intersection((word, singular(word)))
+    forms = KNOWN.intersection((word, singular(word)))
     named = forms or noun_kind(word) or number_of(word) is not None
     return bool(named) or not word[0].isalpha() or word.isupper() or "_" in word
 
