@@ -68,6 +68,15 @@ class Ground(Things):
                 mask |= self.between(p.along_m - _DOOR_M, p.along_m + _DOOR_M)
         return mask | (self.between(self.length_m - 1.2, self.length_m) if last in names else False)
 
+    def straight_on(self, made: int) -> Mask:
+        """Return the places around openings that are ahead once `made` turns are made."""
+        later = self.facts.turns[made:]
+        bends = ((p.along_m, [t.angle_deg for t in later if -1.5 <= t.along_m - p.along_m < 0.1])
+                 for p in self.facts.passages)  # fmt: skip
+        ahead = [self.between(m - _DOOR_M, m + _DOOR_M) for m, near in bends
+                 if abs(sum(near)) < _AHEAD_DEG]  # fmt: skip
+        return np.any([self.between(-1.0, -1.0), *ahead], axis=0)
+
     def next_door_m(self, from_m: float) -> float:
         """Return where the path goes through the next doorway [m]."""
         doors = (p.along_m for p in self.facts.passages if p.doorway and p.along_m > from_m)

@@ -106,6 +106,12 @@ class _Walk:
 
     def _find(self, claim: Claim) -> Place:
         ground = self.ground
+        turned = self.index > 0 and self.claims[self.index - 1].kind == "turn"
+        if turned and claim.side == "ahead" and claim.kind in ("enter", "door"):
+            # "Turn right and go straight into the hall": straight on after the turn.
+            mask, reason = self._find(replace(claim, side=""))
+            mask = mask & ground.straight_on(max(self.states))
+            return mask, reason or ("" if mask.any() else f"the {claim.text} is not ahead")
         if claim.what == "room":
             return {
                 "leave": ground.left, "enter": ground.entered, "in": ground.inside,
@@ -141,8 +147,7 @@ class _Walk:
             mask = mask & spread(through, self.along, 0.3)
             if not mask.any():
                 return f"the {claim.text} is not behind that doorway"
-        pair = claim.place == before.place == "between" and self.index > 0
-        if pair and not self.ground.flank(before, claim):
+        if self._is_pair() and not self.ground.flank(before, claim):
             return f"one does not pass between the {before.name} and the {claim.name}"
         if claim.kind in ("in", "leave") and claim.name and self._starts_outside(claim):
             return f"the path does not start in the {claim.name}"
@@ -243,6 +248,15 @@ class _Walk:
             not moved and bool(facts.visits[0].room) and not rooms & self.ground.rooms(claim.name)
         )
 
+    def _is_pair(self) -> bool:
+        """Return whether a claim is the second of two things that one is between."""
+        claim, row = self.claims[self.index], 0
+        for before in self.claims[: self.index][::-1]:
+            if before.place != "between" or (before.kind, before.what) != (claim.kind, "thing"):
+                break
+            row += 1
+        return claim.place == "between" and row % 2 == 1
+
     def _one_step(self) -> bool:
         """Return whether a claim and the one before belong to one step."""
         return self.index > 0 and self.owners[self.index - 1] == self.owners[self.index]
@@ -315,7 +329,7 @@ class _Walk:
         else:
             reason = ground.stopped_at(claim) if claim.what == "thing" else ""
         before = self.claims[self.index - 1]
-        if not reason and claim.place == before.place == "between" and self.index > 0:
+        if not reason and self._is_pair():
             parted = ground.flank(before, claim, at_end=True)
             reason = (
                 "" if parted else f"the path does not end between {before.name} and {claim.name}"

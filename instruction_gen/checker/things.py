@@ -49,9 +49,9 @@ class Things:
                 self.facing[n, k], self.open[n, k] = m.facing_deg, m.open
                 self.seen[n, k] = m.open or m.pixels >= _VISIBLE_PIXELS
         self.near_m = np.where(self.open | (self.distance <= _TOUCH_M), self.distance, np.inf)
-        front: Mask = (np.abs(self.bearing) <= _FRONT_DEG) & np.isfinite(self.distance)
+        front: Mask = (np.abs(self.bearing) <= _FRONT_DEG) | ~np.isfinite(self.distance)
         behind = np.minimum(np.abs(self.bearing), np.abs(self.facing))[:, :1] >= _BEHIND_DEG
-        # What is behind at the start is beside nothing until the walker faces it.
+        # What is behind at the start is beside nothing until the walker faces it or comes back.
         self._behind: Mask = behind & ~np.logical_or.accumulate(front, axis=1)
         rooms = [facts.room_at(along) for along in self.along_m]
         own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
@@ -115,7 +115,7 @@ class Things:
             last[:, -1] &= (bearing[:, -1] >= 60.0) & (self.distance[:, -1] <= reach_m)
             last[:, -2] = False
         elif claim.place == "before":
-            last &= (bearing <= 105.0) | (self.near_m <= 1.0)
+            last &= (bearing <= 112.0) | (self.near_m <= 0.6)
         elif not claim.side:
             last &= (bearing <= 140.0) | (self.near_m <= 1.4)
         return last

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..facts.records import TurnFact
+from ..facts.records import TurnFact, manoeuvre_deg
 from ..language.claims import Claim
 from .ground import Ground
 from .things import Mask
@@ -149,9 +149,17 @@ class Turns:
             told = any(c.kind == "turn" and c.side != claim.side for c in self.claims[index:])
             if self._weaves(j, total) and not (claim.degree == "slight" and told):
                 continue
-            if not other and _is(claim, first.side, total, most_deg):
+            degrees = total
+            if claim.degree == "slight" and not self._in_parts(claim, index):
+                degrees = max(total, manoeuvre_deg(self.turns, first.along_m))
+            if not other and _is(claim, first.side, degrees, most_deg):
                 result.append(j + 1)
         return result
+
+    def _in_parts(self, claim: Claim, index: int) -> bool:
+        """Return whether another turn to the same side is claimed nearby: one bend told as two."""
+        near = [*self.claims[max(0, index - 3) : index], *self.claims[index + 1 : index + 4]]
+        return any(c.kind == "turn" and c.side == claim.side for c in near)
 
     def _weaves(self, k: int, degrees: float) -> bool:
         """Return whether a small bend that ends with turn `k` only swings out for the next one."""
@@ -185,7 +193,8 @@ class Turns:
             again = claim.kind == "stop" and any(
                 c.kind in ("enter", "in") and c.name == claim.name for c in self.claims[:index]
             )
-            if not straight and not again:
+            aside = claim.kind in ("door", "enter") and claim.side in ("left", "right")
+            if (aside or not straight) and not again:
                 if any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
                     return index
                 if claim.what == "thing" and (

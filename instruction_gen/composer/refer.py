@@ -126,8 +126,18 @@ def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
     if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
         return False
     others = (m.goal_distance_m for m in facts.landmarks if m.nameable and m.goal_open)
-    if mark.goal_distance_m > max(STOP_AT_M, min(others, default=0.0)):
-        return False
+    return mark.goal_distance_m <= max(STOP_AT_M, min(others, default=0.0)) and _shown(mark, facts)
+
+
+def hung_at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
+    """Return whether a window or picture is at the goal and not behind."""
+    here = mark.goal_open and mark.goal_distance_m <= STOP_M and abs(mark.goal_bearing_deg) <= 105.0
+    own = mark.room in ("", facts.goal_room)
+    return mark.noun in _HUNG and here and own and _shown(mark, facts)
+
+
+def _shown(mark: LandmarkFact, facts: PathFacts) -> bool:
+    """Return whether the camera, if any, shows a thing at the goal."""
     return facts.camera is None or any(
         m.pixels >= _PIXELS_AT_GOAL and m.along_m >= facts.length_m - _LAST_LOOK_M
         for m in mark.moments

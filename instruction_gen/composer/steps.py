@@ -7,7 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from ..facts.doors import DOOR
-from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
+from ..facts.records import (
+    LandmarkFact,
+    PassageFact,
+    PathFacts,
+    TurnFact,
+    VisitFact,
+    manoeuvre_deg,
+)
 from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
@@ -17,6 +24,7 @@ from .refer import PASS_DOOR_M, at_turn, in_view, new_in_view
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
 _AT_ONCE_M = 1.3
+_SWING_M = 0.4  # a doorway so far to the other side is not on its side
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
@@ -54,9 +62,26 @@ def _tells(turn: TurnFact) -> bool:
     return abs(turn.angle_deg) >= SLIGHT_DEG
 
 
+def _is_slight(turn: TurnFact, facts: PathFacts) -> bool:
+    return max(abs(turn.angle_deg), manoeuvre_deg(facts.turns, turn.along_m)) < SLIGHT_DEG
+
+
+def _is_aside(passage: PassageFact, facts: PathFacts) -> bool:
+    """Return whether a doorway is on its side from where it comes into view, too."""
+    sign = 1.0 if passage.side == "left" else -1.0
+    from_m, to_m = _left(passage, facts).from_m, passage.along_m - 1.0
+    return all(
+        sign * m.distance_m * np.sin(np.deg2rad(m.facing_deg)) > -_SWING_M
+        for mark in facts.landmarks
+        if mark.noun == DOOR and abs(mark.along_m - passage.along_m) < 0.6
+        for m in mark.moments
+        if m.open and from_m <= m.along_m <= to_m
+    )
+
+
 def _one_of_many(passage: PassageFact | None, facts: PathFacts) -> bool:
     """Return whether a doorway is at a side of a room that has several."""
-    if passage is None or not passage.side:
+    if passage is None or not (passage.side and _is_aside(passage, facts)):
         return False
     return passage.alike > 0 or (passage.doorway and _left(passage, facts).exits >= _MANY_EXITS)
 
@@ -121,8 +146,9 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     size, along = abs(turn.angle_deg), turn.along_m
     if size >= _ROUND_DEG:
         return Event("around", along)
-    if size < SLIGHT_DEG or size > SHARP_DEG:
-        return Event("slight" if size < SLIGHT_DEG else "sharp", along, s=turn.side)
+    slight = _is_slight(turn, facts)
+    if slight or size > SHARP_DEG:
+        return Event("slight" if slight else "sharp", along, s=turn.side)
     # Within a room, a turn that does not come at once needs a cue.
     at_once_m = _AT_ONCE_M * (2.0 if taste.voice == "terse" else 1.0)
     if gap_m > at_once_m or names.rng.random() < taste.marks:
@@ -151,7 +177,7 @@ def _passage(
     # Where a hallway goes on as another there is no door.
     doorway = passage.doorway and passage.from_room != passage.to_room
     many = doorway and _one_of_many(passage, facts)
-    slight = turn is not None and abs(turn.angle_deg) < SLIGHT_DEG
+    slight = turn is not None and _is_slight(turn, facts)
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
         kind = "turn" if side and move.turn_first else kind
@@ -166,7 +192,7 @@ def _passage(
         return next((far for far in seen if far is not None), None)
 
     if turn is not None and move.turn_first:
-        if passage.alike or (
+        if (passage.alike and _is_aside(passage, facts)) or (
             many and _counts(passage, facts) and rng.random() < _COUNTED
         ):  # of several doorways
             return replace(event, kind="turn_enter_nth", s=passage.side, ordinal=passage.ordinal)
@@ -179,6 +205,7 @@ def _passage(
         if marked and (mark := names.best(inside)):
             return replace(event, kind="turn_enter_see", X=mark)
         kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * doorway * 2
+        kinds = ["turn_enter"] if passage.side and not _is_aside(passage, facts) else kinds
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
         return replace(event, kind=pick(kinds, rng))
     if turn is not None:

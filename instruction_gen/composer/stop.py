@@ -9,7 +9,7 @@ from ..facts.records import PathFacts
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import STOP_AT_M, Reference, at_goal, moment_at, passed
+from .refer import STOP_AT_M, Reference, at_goal, hung_at_goal, moment_at, passed
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M, _BEHIND_DEG = 1.2, 100.0
@@ -41,11 +41,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
     if since_door_m <= _JUST_INSIDE_M and facts.passages[-1].to_room:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))
-    if since_door_m <= _STEPS_INSIDE_M:
-        return Event("stop_after", length, far_m=1.0)
     near = facts.goal_near_rooms
     alone = len(near) == 1 and visits[-1].beyond.count(near[0]) <= 1
-    if alone and near[0] not in (v.room for v in visits):
+    if since_door_m > _STEPS_INSIDE_M and alone and near[0] not in (v.room for v in visits):
         return Event("stop_outside", length, B=names.name(near[0]))
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
@@ -58,6 +56,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     )
     if past is not None and not past.plural:
         return Event("stop_past", length, X=past)
+    hung = names.best(lambda m: m.goal_distance_m if hung_at_goal(m, facts) else None, at_goal=True)
+    if hung is not None:
+        return Event("stop_close", length, X=hung)
     return Event("stop_after", length, far_m=1.0)
 
 

@@ -1,10 +1,12 @@
 """The facts of one path: everything that a text about it may say."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from ...formats.scene.visibility import SightCamera
 
 FACTS_VERSION = 6
+_ONE_TURN_M = 1.3  # bends to one side that are nearer to each other are one turn
 
 
 @dataclass(frozen=True)
@@ -23,6 +25,18 @@ class TurnFact:
     def side(self) -> str:
         """`left` or `right`."""
         return "left" if self.angle_deg > 0 else "right"
+
+
+def manoeuvre_deg(turns: Sequence[TurnFact], along_m: float) -> float:
+    """Return the angle, without sign, of the bends to one side that make one turn at a place."""
+    rows: list[list[TurnFact]] = []
+    for turn in turns:
+        if rows and rows[-1][-1].side == turn.side and turn.along_m - rows[-1][-1].along_m <= _ONE_TURN_M:
+            rows[-1].append(turn)
+        else:
+            rows.append([turn])
+    off_m = [min(abs(turn.along_m - along_m) for turn in row) for row in rows]
+    return sum(abs(turn.angle_deg) for turn in rows[off_m.index(min(off_m))])
 
 
 @dataclass(frozen=True)

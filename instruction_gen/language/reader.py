@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import combinations, pairwise
+from itertools import combinations
 
 from .claims import Claim, Step
 from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
@@ -12,7 +12,7 @@ from .phrases import read_distance, read_phrase, read_side
 from .tables import closed
 from .targets import claim_of, forbidden, preposition, sided, stop_at
 from .tokens import tokenize
-from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB
+from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
 
 # "The table, which stays on your right": no way of the walker.
 _STAYS = closed("stays")
@@ -23,7 +23,7 @@ _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
-_ROUND = ("around", "round")
+_ROUND = frozenset("around round about".split())
 _KEEPS = ("keep", "keeping", "stay", "staying")
 
 
@@ -318,8 +318,9 @@ class _Reader:
             clause.used.update(range(k, end))
             ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
                             if t.text in ORDINALS), 0)  # fmt: skip
-            # "Curve around to the left" may be any turn.
-            bent = any(a.text in BENDS and b.text in _ROUND for a, b in pairwise(tokens[:end]))
+            # "Curve around to the left", "bend left round the table": how far is not said.
+            words = {t.text for t in tokens}
+            bent = words & BENDS and words & _ROUND and not words & SLIGHT
             degree = "" if bent else degree_of(tokens)
             claims.append(Claim("turn", side=side, degree=degree, ordinal=ordinal))
         return ""
