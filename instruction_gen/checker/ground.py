@@ -270,8 +270,10 @@ class Ground(Things):
             return side in (into[-1].side, "left" if passage.bearing_deg > 0 else "right")
         if into:
             return into[-1].side == side
-        if any(t.side == side and abs(t.angle_deg) >= _BEND_DEG and -1.0 <= t.along_m - passage.along_m <= 0.0
-               for t in self.facts.turns) and sign * passage.bearing_deg > _DOOR_SIDE_DEG:  # fmt: skip
+        bent = any(t.side == side and abs(t.angle_deg) >= _BEND_DEG
+                   and -1.0 <= t.along_m - passage.along_m <= 0.0
+                   for t in self.facts.turns)  # fmt: skip
+        if bent and sign * passage.bearing_deg > _DOOR_SIDE_DEG:
             return True
         after_m = 0.8 if aside else 1.3
         near = [t for t in self.facts.turns if -2.2 <= t.along_m - passage.along_m <= after_m]

@@ -115,8 +115,8 @@ class _Walk:
         if claim.what == "room":
             return {
                 "leave": ground.left, "enter": ground.entered, "in": ground.inside,
-                "reach": ground.room_in_view if claim.side else ground.inside, "pass": ground.room_passed, "see": ground.room_in_view,
-                "door": ground.entered,
+                "reach": ground.room_in_view if claim.side else ground.inside,
+                "pass": ground.room_passed, "see": ground.room_in_view, "door": ground.entered,
             }[claim.kind](claim)  # fmt: skip
         if claim.kind in ("door", "enter", "leave", "in"):
             return ground.through_door(claim) if claim.what == "door" else ground.left(claim)

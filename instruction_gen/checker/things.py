@@ -26,7 +26,7 @@ _VISIBLE_PIXELS = 12
 _SIDE_DEG = (8.0, 172.0)
 _CLEAR_SIDE_DEG = 25.0
 _BEHIND_DEG, _FRONT_DEG = 130.0, 75.0
-_FLANKS_DEG = 70.0  # between two things that are at least so far apart
+_FLANKS_DEG = 60.0  # between two things that are at least so far apart
 
 
 class Things:

@@ -19,7 +19,7 @@ _WAYS = ("walk", "in", "door", "leave", "enter")
 _START_M, _START_DEG = 0.3, 100.0  # who starts to walk turns that way without being told
 _END_M = 0.9
 _LATE_M = 1.8  # how far beyond an unclaimed turn a claim may already lie
-_SLACK_M, _BEHIND_M = 1.3, 0.35
+_SLACK_M, _BEHIND_M = 1.3, 0.25
 
 
 class Turns:
@@ -147,7 +147,9 @@ class Turns:
             most_deg = _MOST_DEG if j == k else _MERGED_DEG
             other = j > k and claim.side not in (first.side, "around")
             told = any(c.kind == "turn" and c.side != claim.side for c in self.claims[index:])
-            if self._weaves(j, total) and not (claim.degree == "slight" and told):
+            after = self.claims[index + 1] if index + 1 < len(self.claims) else claim
+            gentle = "slight" in (claim.degree, after.degree if after.kind == "pass" else "")
+            if self._weaves(j, total) and not (gentle and told):
                 continue
             degrees = total
             if claim.degree == "slight" and not self._in_parts(claim, index):
@@ -193,7 +195,11 @@ class Turns:
             again = claim.kind == "stop" and any(
                 c.kind in ("enter", "in") and c.name == claim.name for c in self.claims[:index]
             )
-            aside = claim.kind in ("door", "enter") and claim.side in ("left", "right")
+            aside = (
+                claim.kind in ("door", "enter", "reach")
+                and claim.what != "thing"
+                and claim.side in ("left", "right")
+            )
             if (aside or not straight) and not again:
                 if any(_goes(ground, claim, p.from_room, p.to_room) for p in doors):
                     return index
@@ -236,7 +242,9 @@ def _is(claim: Claim, side: str, degrees: float, most_deg: float) -> bool:
 def _goes(ground: Ground, claim: Claim, from_room: str, to_room: str) -> bool:
     """Return whether a claim goes through an opening between two rooms."""
     name = claim.room if claim.what == "door" else claim.name
-    sided = claim.kind == "see" and claim.what != "thing" and claim.side in ("left", "right")
+    sided = (
+        claim.kind in ("see", "reach") and claim.what != "thing" and claim.side in ("left", "right")
+    )
     if (claim.kind in ("door", "enter", "leave") or sided) and not name:
         return True
     if claim.kind not in ("enter", "leave", "in", "stop", "door") and not sided:

@@ -31,7 +31,11 @@ def manoeuvre_deg(turns: Sequence[TurnFact], along_m: float) -> float:
     """Return the angle, without sign, of the bends to one side that make one turn at a place."""
     rows: list[list[TurnFact]] = []
     for turn in turns:
-        if rows and rows[-1][-1].side == turn.side and turn.along_m - rows[-1][-1].along_m <= _ONE_TURN_M:
+        if (
+            rows
+            and rows[-1][-1].side == turn.side
+            and turn.along_m - rows[-1][-1].along_m <= _ONE_TURN_M
+        ):
             rows[-1].append(turn)
         else:
             rows.append([turn])

@@ -35,7 +35,9 @@ def respelt(word: str) -> str:
              if word[:k] in known and word[k:] in known}  # fmt: skip
     # "tabls" may be a table or tables.
     nouns = {singular(other) for other in near}
-    return min(near, key=lambda other: (other != word.rstrip("s"), other)) if len(nouns) == 1 else ""
+    return (
+        min(near, key=lambda other: (other != word.rstrip("s"), other)) if len(nouns) == 1 else ""
+    )
 
 
 @cache
