@@ -140,7 +140,7 @@ def _is_hall(room: str) -> bool:
 def _slot(slot: str, event: Event, new: bool) -> str:
     value = getattr(event, slot, None)
     if slot in _AGREES:
-        plural = event.X is not None and event.X.plural
+        plural = event.X is not None and (event.X.plural or event.X.words.endswith("stairs"))
         return _AGREES[slot][plural]
     if slot == "n":
         return metres(event.far_m)
