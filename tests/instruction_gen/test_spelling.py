@@ -1,9 +1,13 @@
 """Misspelt words are read as the words they stand for; other words are left alone."""
 
+import json
+
 import pytest
 
-from benchmarks.instructions.corpus import FOLDER, read_corpus
-from vlnpe.instruction_gen.checker import check_text
+from benchmarks.instructions.buildings import building
+from benchmarks.instructions.corpus import FOLDER, episode_of_record
+from vlnpe.instruction_gen.checker import Ground, check_text
+from vlnpe.instruction_gen.facts import path_facts
 from vlnpe.instruction_gen.language.spelling import respelt
 from vlnpe.instruction_gen.language.tokens import misspelt, tokenize
 
@@ -45,10 +49,13 @@ def test_other_words_are_left_alone(word):
 
 
 def test_a_misspelt_truth_holds_and_a_misspelt_lie_does_not():
-    [entry] = [e for e in read_corpus(FOLDER, None, ("fresh",)) if e.name == "apartment-201/0009"]
+    document = json.loads((FOLDER / "apartment-201.json").read_text())
+    path = next(p for p in document["paths"] if p["id"] == "apartment-201/0009")
+    level = building("apartment", document["scene"]["apartment"])
+    ground = Ground(path_facts(episode_of_record(path, "apartment-201"), level))
     true = "Pass the bensh and go into the livingroom. Stop in the kichen at the dinning table."
-    verdict = check_text(true, entry.ground)
+    verdict = check_text(true, ground)
     assert verdict.ok
     assert "bensh (read as bench)" in verdict.unchecked
     false = "Pass the bensh and go into the bathrom. Stop in the kichen at the dinning table."
-    assert not check_text(false, entry.ground).ok
+    assert not check_text(false, ground).ok
