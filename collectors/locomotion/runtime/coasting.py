@@ -48,7 +48,7 @@ def measure_coasting(
     """Measure stopping distances and turn lag of a robot on flat ground.
 
     Takes some 20 s of simulated time. Stops that end in a fall do not count; a speed from which
-    every stop does is left out.
+    every stop does is left out, and so is one at which the robot does not move.
 
     Args:
         gait: actuation of its joints; see `world.Gait`.
@@ -60,7 +60,7 @@ def measure_coasting(
         stops = ground.stops((command_m_s, 0.0, 0.0))
         if stops:
             rows.append(np.mean([(stop.speed_m_s, stop.distance_m) for stop in stops], axis=0))
-    rows.sort(key=lambda row: row[0])
+    rows = sorted((row for row in rows if row[0] > 0.0), key=lambda row: row[0])
     speed_m_s, distance_m = np.array(rows).reshape(-1, 2).T.tolist()
     return _coasting(gait, speed_m_s, distance_m, measure_turn_lag(robot, gait))
 
