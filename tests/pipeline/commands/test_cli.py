@@ -176,7 +176,7 @@ def test_a_value_that_is_missing_or_no_number_is_named(
 def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["colect", "--robot", "h1"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    said = "vlnpe: error: unknown command 'colect' (did you mean collect?); valid: ablate, align, "
+    said = "vlnpe: error: unknown command 'colect' (did you mean collect?); valid: ablate, adapt, "
     assert line.startswith(said)
 
 
