@@ -79,7 +79,7 @@ class FrozenEncoder:
         except DAMAGED as error:
             raise FileFormatError(path, f"not weights of {name}: {first_line(error)}") from error
         self._network: Any = network.eval().requires_grad_(False)
-        given: Mapping[str, Any] = network.pretrained_cfg
+        given: Any = network.pretrained_cfg
         self._mean, self._std = (torch.tensor(given[key])[:, None, None] for key in ("mean", "std"))
         self.size_px = size_px
         self.facts = {

@@ -249,7 +249,9 @@ def test_pretrained_encoders_come_from_a_file(episodes: CachedSequences, tmp_pat
     optimizer.step()
     for name, value in agent.senses.rgb.state_dict().items():  # buffers, too
         assert torch.equal(value, before[name]), name
-    assert agent.senses.depth.training and not agent.senses.rgb.stages.training
+    depth, rgb = agent.senses.depth, agent.senses.rgb.stages
+    assert isinstance(depth, torch.nn.Module) and isinstance(rgb, torch.nn.Module)
+    assert depth.training and not rgb.training
     path.write_bytes(b"no weights")
     with pytest.raises(InputError, match=r"resnet\.pt"):
         MODELS["cma"](20, model)

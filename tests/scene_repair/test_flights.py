@@ -40,7 +40,7 @@ def tower(
 
 def flights_of(parts: list[trimesh.Trimesh], turn_deg: float, noise_m: float = 0.0) -> list[Flight]:
     """Turn a tower about its origin, scan it with noise in height, and find its flights."""
-    mesh = trimesh.util.concatenate(parts)
+    mesh = scans.joined(parts)
     mesh.apply_transform(trimesh.transformations.rotation_matrix(np.radians(turn_deg), (0, 0, 1)))
     vertices, faces = np.array(mesh.vertices), np.array(mesh.faces, dtype=np.int64)
     columns = sample_columns(vertices, faces, GRID)

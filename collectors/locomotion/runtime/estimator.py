@@ -90,11 +90,10 @@ class StateEstimator:
         """
         self._legs = tuple(Legs.of(model, handles))
         self._body = np.zeros((count, body_width(handles.robot.policy_joints)))
-        self._memory = _Memory(
-            *np.zeros((3, count, 3)),
-            np.zeros((count, len(handles.joint_qpos))),
-            *np.zeros((2, count)),
-        )
+        down, bias, velocity = np.zeros((3, count, 3))
+        variance, age = np.zeros((2, count))
+        joints = np.zeros((count, len(handles.joint_qpos)))
+        self._memory = _Memory(down, bias, velocity, joints, variance, age)
         self._arrays = tuple(self._memory)
 
     @property
