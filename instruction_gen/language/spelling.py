@@ -1,7 +1,7 @@
 """Misspelt words, read as the known words that they are one letter, blank or apostrophe from.
 
 A word of any table is never changed, nor is an English word: `real.txt` holds those that are so
-near to a known word.
+near to a known word, from the English list of pyspellchecker (MIT).
 """
 
 from collections.abc import Iterator
