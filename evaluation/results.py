@@ -122,14 +122,17 @@ def decimals(column: str) -> int:
     return 2 if COLUMNS[column][0] == "m" else 1
 
 
-def cell_text(column: str, value: Interval, to: str = " … ") -> str:
-    """Return a mean with its interval as a table shows it; `–` for a mean of nothing."""
+def cell_text(column: str, value: Interval, to: str = " … ", sign: str = "") -> str:
+    """Return a mean with its interval as a table shows it; `–` for a mean of nothing.
+
+    With the `sign` "+", as of a difference, positive numbers have one, too.
+    """
     if math.isnan(value.mean):
         return "–"
-    digits = decimals(column)
+    form = f"{sign}.{decimals(column)}f"
     if math.isnan(value.low):
-        return f"{value.mean:.{digits}f}"
-    return f"{value.mean:.{digits}f} ({value.low:.{digits}f}{to}{value.high:.{digits}f})"
+        return f"{value.mean:{form}}"
+    return f"{value.mean:{form}} ({value.low:{form}}{to}{value.high:{form}})"
 
 
 def results_json(

@@ -186,17 +186,18 @@ def _find_floors(mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairCo
     surfaces = find_surfaces(columns, up, ignore, LEAST_CLEARANCE_M)
     floors, notes = find_levels(surfaces, columns, mesh, config)
     averted = averted_faces(floors, columns, up)
-    ceilings = averted
+    no_floor, ceilings = ignore | averted, averted
     if averted.any():
-        surfaces = find_surfaces(columns, up, ignore | averted, LEAST_CLEARANCE_M)
+        surfaces = find_surfaces(columns, up, no_floor, LEAST_CLEARANCE_M)
         floors, notes = find_levels(surfaces, columns, mesh, config)
         ceilings = ceilings_in_floors(floors, columns, averted)
     flights = []
     if len(floors) > 1:
         # What is labelled as stairs is no floor, and treads may be wound otherwise than floors.
-        everything = np.zeros(len(mesh.faces), dtype=bool)
-        flights = find_flights(find_surfaces(columns, up, everything, LEAST_CLEARANCE_M), floors)
-    return _Storeys(floors, flights, notes, ignore | averted, ceilings)
+        if no_floor.any():
+            surfaces = find_surfaces(columns, up, np.zeros_like(no_floor), LEAST_CLEARANCE_M)
+        flights = find_flights(surfaces, floors)
+    return _Storeys(floors, flights, notes, no_floor, ceilings)
 
 
 def _repair_floors(

@@ -8,7 +8,7 @@ import numpy as np
 from ...formats.core.arrays import Array
 from ...formats.core.camera import CameraModel
 
-# Share of a motor's no-load speed up to which it has its full torque, where nobody says another.
+# Default fraction of a motor's no-load speed up to which it delivers its full torque.
 FULL_TORQUE_SPEED = 0.6
 
 

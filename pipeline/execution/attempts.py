@@ -9,6 +9,7 @@ from concurrent.futures import BrokenExecutor, Future, as_completed
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from ...formats import process
 from ...formats.core.atomic import sweep_beside
 from ...formats.core.errors import VlnpeError
 from ...formats.process.threads import allow_threads
@@ -21,7 +22,7 @@ TRANSIENT = frozenset(
     {"WorkerDiedError", "ModelError", "ModelDownError", "BudgetError", "PolicyError"}
 )
 
-KERNELS = f"{__name__.split('.')[0]}.formats.core.kernel"
+KERNELS = f"{process.__name__}.kernel"
 
 MACHINES_LOST = 5  # in a row; an item that kills a machine each time must not go on for ever
 

@@ -132,7 +132,7 @@ def _adapt(options: Adapt, start: Path, card: Card, scene: str, out: Path) -> di
             f"none of the expert's {len(parts.train)} walks ended at its goal; {out / WALKS} has "
             "them; valid: another --robot or --controller"
         )
-    trained = _train(options, start, parts, scene, out)
+    trained = _train(options, start, card, parts, out)
     checkpoint = out / f"{card.config.model.name}-{scene}.safetensors"
     write_bytes(card_path(checkpoint), card_path(trained).read_bytes())
     write_bytes(checkpoint, trained.read_bytes())
@@ -171,14 +171,14 @@ def _test(walks: Evaluate, policy: str, out: Path) -> Evaluate:
     return replace(walks, policy=policy, episodes=held, camera=Evaluate.camera, films=1, out=out)
 
 
-def _train(options: Adapt, start: Path, parts: Parts, scene: str, out: Path) -> Path:
+def _train(options: Adapt, start: Path, card: Card, parts: Parts, out: Path) -> Path:
     """Fine-tune on the expert's walks with the checkpoint's own settings; return the weights."""
     from ....datasets.mixture.recipe import Mixture, Recipe, Source
     from ....learning.training.holdout import Holdout
     from ....learning.training.session import Request, plan_training, train_once
 
-    title = f"{options.policy} adapted to {scene}"
-    config = read_card(start)[0].config.to_json() | {
+    title = f"{options.policy} adapted to {parts.train[0].scene_id}"
+    config = card.config.to_json() | {
         "steps": options.steps,
         "checkpoint_every": options.steps,
         "learning_rate": options.learning_rate,

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ....evaluation.results import COLUMNS, cell_text, decimals, interval_of
+from ....evaluation.results import COLUMNS, cell_text, interval_of
 from ....formats.core.atomic import write_bytes
 from ....formats.core.checkout import program
 from ...engine.ledger import Ledger
@@ -33,7 +33,7 @@ def answer(value: Mapping[str, Any]) -> str:
     return (
         f"SR of {value['policy']} on {value['held']} paths to rooms that it was not trained on: "
         f"{cell_text('SR', before)} % before, {cell_text('SR', after)} % after; difference "
-        f"{_difference(value, 'SR')} points: {verdict}"
+        f"{cell_text('SR', change, sign='+')} points: {verdict}"
     )
 
 
@@ -84,10 +84,11 @@ def write_page(out: Path, value: Mapping[str, Any]) -> Path:
 def _markdown(title: str, value: Mapping[str, Any]) -> str:
     lines = ["| | before | after | difference |", "| --- | ---: | ---: | ---: |"]
     for name in _METRICS:
-        cells = [cell_text(name, interval_of(value[k][name])) for k in ("before", "after")]
-        lines.append(
-            f"| {name} [{COLUMNS[name][0]}] | {' | '.join(cells)} | {_difference(value, name)} |"
-        )
+        cells = [
+            cell_text(name, interval_of(value[key][name]), sign=sign)
+            for key, sign in (("before", ""), ("after", ""), ("difference", "+"))
+        ]
+        lines.append(f"| {name} [{COLUMNS[name][0]}] | {' | '.join(cells)} |")
     return "\n\n".join(
         [
             f"# {title}",
@@ -109,14 +110,6 @@ def _markdown(title: str, value: Mapping[str, Any]) -> str:
             "[All walks before](before/report.html) · [after](after/report.html)",
         ]
     )
-
-
-def _difference(value: Mapping[str, Any], name: str) -> str:
-    change, digits = interval_of(value["difference"][name]), decimals(name)
-    text = f"{change.mean:+.{digits}f}"
-    if change.low != change.low:
-        return text
-    return f"{text} ({change.low:+.{digits}f} … {change.high:+.{digits}f})"
 
 
 def _films(evaluation: Path) -> str:

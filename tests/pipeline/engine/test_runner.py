@@ -62,6 +62,14 @@ def test_second_run_reuses_everything_and_a_changed_key_redoes_one(tmp_path, wor
     assert (tmp_path / "b.txt").read_text() == "bye"
 
 
+def test_rows_and_summary_say_how_long_kernels_were_compiled(tmp_path, workers):
+    path = tmp_path / "b.txt"
+    compiling = WorkItem("b", "k", (path,), work.Call(work.compiled, (path,)))
+    summary = run_stage(context(tmp_path, workers), "s", [item(tmp_path, "a"), compiling])
+    seconds = {row.item: row.compile_seconds for row in Ledger(tmp_path).rows("s")}
+    assert seconds["a"] == 0 < seconds["b"] == summary.compile_seconds
+
+
 def test_a_deleted_output_is_made_again(tmp_path, workers):
     items = [item(tmp_path, "a")]
     run_stage(context(tmp_path, workers), "s", items)

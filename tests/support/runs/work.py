@@ -45,6 +45,16 @@ def write(path: Path, text: str) -> ItemResult:
     return ItemResult({"length": len(text)}, failed=text == "fell")
 
 
+def compiled(path: Path) -> ItemResult:
+    """Write a file after compiling a function, in a process that has the kernels' module."""
+    import numba
+
+    import vlnpe.formats.process.kernel  # noqa: F401 (it listens to numba)
+
+    double: Any = numba.njit(lambda x: x + x)
+    return write(path, str(double(1)))
+
+
 def imported(name: str, once: Path | None = None) -> bool:
     """Return whether this worker has a module, as soon as the file `once` is there."""
     while once is not None and not once.exists():
