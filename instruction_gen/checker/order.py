@@ -304,7 +304,9 @@ class _Walk:
             # The state reaches beyond a door on both sides.
             cores = (here & ~spread(~here, self.along, by_m) for by_m in (0.8, 0.4))
             for at in self.along[next((core for core in cores if core.any()), here)]:
-                far |= self.ground.between(at + low, at + high)
+                # A few steps may be fewer where the path ends.
+                end_m = self.along[-1] - 0.05 if claim.vague else np.inf
+                far |= self.ground.between(min(at + low, end_m), at + high)
             far &= self.along <= self._limit(made, float(self.along[np.argmax(here)]))
             if far.any():
                 result[made] = far

@@ -39,7 +39,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     if mark is not None:
         return _at(mark, facts, names, taste)
     since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
-    if since_door_m <= _JUST_INSIDE_M and facts.passages[-1].to_room:
+    if since_door_m <= _JUST_INSIDE_M:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))
     near = facts.goal_near_rooms
     alone = len(near) == 1 and visits[-1].beyond.count(near[0]) <= 1

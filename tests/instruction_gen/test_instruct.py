@@ -85,6 +85,16 @@ def test_composed_texts_are_true_and_well_formed(two_rooms, points, style):
             assert text[0].isupper() and text.endswith(".") and "  " not in text
 
 
+def test_ways_that_end_anywhere_behind_a_door_without_names_have_texts(two_rooms):
+    unnamed = LevelFacts.of(replace(two_rooms, objects=()), 0)
+    for length_m in np.arange(1.0, 4.0, 0.08):
+        facts = path_facts(episode_of([(6.3, 2.2), (6.3 - length_m, 2.1)]), unnamed)
+        texts, problems = compose_texts(Ground(facts), 3, STYLES, np.random.default_rng(0))
+        assert len(texts) == 3, (length_m, problems)
+        if facts.passages and length_m - facts.passages[0].along_m < 0.5:  # no room for a few
+            assert not any("few" in text.text for text in texts)
+
+
 def test_turn_room_and_goal_are_mentioned(two_rooms):
     for seed in range(8):
         (one,) = composed_of(LEFT, two_rooms, seed)
