@@ -1,5 +1,6 @@
 """The scripts in `examples/` run unchanged."""
 
+import re
 import runpy
 import subprocess
 import sys
@@ -55,7 +56,14 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_load_dataset(run: Run, dataset: Path) -> None:
     lines = run("load_dataset.py", dataset).splitlines()
     assert [line.split(":")[0] for line in lines] == ["episode 0", "episode 1"]
-    assert "(1, 64, 64, 3)" in lines[0]
+    assert re.search(r"rgb \(1, (\d+), \1, 3\), depth \(1, \1, \1\)", lines[0])
+
+
+def test_load_dataset_says_what_is_no_dataset(tmp_path: Path) -> None:
+    script = [sys.executable, str(EXAMPLES / "load_dataset.py"), str(tmp_path)]
+    done = subprocess.run(script, capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "Traceback" not in done.stderr
+    assert "not a LeRobot dataset" in done.stderr and "DATASET" in done.stderr
 
 
 def test_own_robot(run: Run, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 from .checkout import program, setup_command
 
-MAX_SHOWN = 100  # names in an error message
+MAX_SHOWN = 40  # names in an error message
 MAX_REASON = 800  # characters
 LEAST_LIKENESS = 0.7  # of a name to be suggested; `tent` and `apartment` have 0.62
 MAX_SPELLED = 80  # characters of a name that is compared with the valid ones
@@ -77,7 +77,9 @@ class UnknownNameError(InputError):
 
     def __init__(self, kind: str, name: str, valid: Iterable[str]):
         self.kind, self.name, self.valid = kind, name, sorted(valid)
-        shown = self.valid if len(self.valid) <= MAX_SHOWN else [*self.valid[:MAX_SHOWN], "…"]
+        shown = self.valid[:MAX_SHOWN]
+        if more := len(self.valid) - len(shown):
+            shown.append(f"… and {more} more")
         hint = did_you_mean(name, self.valid)
         super().__init__(f"unknown {kind} {brief(name)}{hint}; valid: {', '.join(shown)}")
 

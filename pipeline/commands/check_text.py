@@ -30,14 +30,17 @@ def run(options: CheckText) -> int:
         InputError: the texts, the episodes or their scenes cannot be read.
     """
     texts = list(read_texts(options.texts))
+    if not texts:
+        raise FileFormatError(options.texts, f"no texts; valid: on each line {FORM}")
     episodes = {
         episode.trajectory_id: episode
         for file in episode_files(options.episodes)
         for episode in read_episodes(file)
     }
-    for path, _, _ in texts:
+    for number, path, _, _ in texts:
         if path not in episodes:
-            raise UnknownNameError("path", path, episodes)
+            error = UnknownNameError("path", path, episodes)
+            raise FileFormatError(options.texts, f"line {number}: {error}")
     # In a run the facts say what the robot's camera saw; elsewhere walls alone decide.
     records = RunFolder(options.episodes).sights if options.episodes.is_dir() else None
     levels = Levels(
@@ -47,14 +50,17 @@ def run(options: CheckText) -> int:
     seen = read_sights(records.all_seen()) if records else None
     grounds: dict[str, Ground] = {}
     result: list[dict[str, Any]] = []
-    for path, text, steps in texts:
+    for _, path, text, steps in texts:
         if path not in grounds:
             episode = episodes[path]
             grounds[path] = Ground(path_facts(episode, levels.of(episode), seen))
         verdict = check_text(text, grounds[path], steps)
         result.append(record(path, text, verdict))
         if not options.json:
-            sys.stdout.writelines(f"{path}: {problem}: {text!r}\n" for problem in verdict.problems)
+            lines = list(verdict.problems)
+            if verdict.unchecked:
+                lines.append(f"unchecked: {', '.join(verdict.unchecked)}")
+            sys.stdout.writelines(f"{path}: {line}: {text!r}\n" for line in lines)
     refused = sum(entry["refused"] for entry in result)
     unchecked = sum(bool(entry["unchecked"]) for entry in result)
     line = f"{len(result)} texts: {refused} refused, {unchecked} with unchecked words"
@@ -73,8 +79,10 @@ def record(path: str, text: str, verdict: Verdict) -> dict[str, Any]:
     }
 
 
-def read_texts(file: Path) -> Iterator[tuple[str, str, tuple[Step, ...]]]:
-    """Return path, text and steps of each line of a JSONL file; no steps where it has no claims.
+def read_texts(file: Path) -> Iterator[tuple[int, str, str, tuple[Step, ...]]]:
+    """Return number, path, text and steps of each line of a JSONL file that is not blank.
+
+    There are no steps where a line has no claims.
 
     Raises:
         FileFormatError: the file or a line cannot be read; the message names the line.
@@ -88,7 +96,7 @@ def read_texts(file: Path) -> Iterator[tuple[str, str, tuple[Step, ...]]]:
         if not line.strip():
             continue
         try:
-            yield _read_line(line)
+            yield number, *_read_line(line)
         except InputError as error:
             raise FileFormatError(file, f"line {number}: {error}") from error
 

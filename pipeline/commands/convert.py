@@ -1,5 +1,7 @@
 """Commands for existing data: `convert` between formats, `restore` after LeRobot's tools."""
 
+from collections.abc import Sequence
+
 from ...formats.convert.restore import restore
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
@@ -18,6 +20,22 @@ from ..stages.convert import source as convert_source
 from ..stages.convert.layout_items import Choice, check_choice
 from ..summary import print_result, print_stages
 
+N1, ROS2 = convert_source.Kind.N1, convert_source.Kind.ROS2
+# The formats that use an option: as input, and as output.
+USERS = {
+    "vocabulary": ((), (N1,)),
+    "scan": ((), (N1,)),
+    "every_frame": ((), (N1,)),
+    "robot": ((N1, ROS2), (ROS2,)),
+    "hfov_deg": ((N1,), ()),
+    "base_height_m": ((N1, ROS2), ()),
+    "frames_per_second": ((N1, ROS2), ()),
+    "map": ((ROS2,), ()),
+    "instruction": ((ROS2,), ()),
+    "split": ((N1, ROS2), ()),
+    "rgb_codec": ((N1, ROS2), ()),
+}
+
 
 def run_convert(options: Convert) -> int:
     """Convert all episodes of a source."""
@@ -34,6 +52,7 @@ def run_convert(options: Convert) -> int:
         raise InputError(f"--from {options.from_}: {options.source} has the format {kinds[0]}")
     if kinds == [target]:
         raise InputError(f"{options.source} already has the format {target}; choose another --to")
+    _check_used(options, kinds)
     with open_context(options.out, options) as context:
         summaries, written = convert.run(context, sources, target, chosen, choice)
     rows = [row for summary in summaries for row in summary.good().values()]
@@ -55,6 +74,21 @@ def run_restore(options: Restore) -> int:
     done = restore(options.dataset, options.original)
     facts = {"episodes": done.episodes, "sources": [str(path) for path in done.sources]}
     return print_result(options, facts, f"{options.dataset}: {done.episodes} episodes restored")
+
+
+def _check_used(options: Convert, kinds: Sequence[str]) -> None:
+    """Raise InputError if an option was given that this conversion would ignore."""
+    for name, (inputs, outputs) in USERS.items():
+        value = getattr(options, name)
+        if value == getattr(Convert, name) or options.to in outputs or {*kinds} & {*inputs}:
+            continue
+        uses = [f"from {' or '.join(inputs)}"] if inputs else []
+        uses += [f"to {' or '.join(outputs)}"] if outputs else []
+        flag = "" if value is True else f" {value}"
+        raise InputError(
+            f"--{name.replace('_', '-')}{flag}: {options.source} is {kinds[0]}, written as "
+            f"{options.to}; the option is used only {' and '.join(uses)}"
+        )
 
 
 def _options(options: Convert) -> convert_source.Options:

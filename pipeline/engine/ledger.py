@@ -77,7 +77,7 @@ class Ledger:
     @staticmethod
     def existing(root: Path) -> "Ledger":
         """Open an existing ledger: in `root`, or in the run folder that contains `root`."""
-        for folder in (root, root.absolute().parent):
+        for folder in (root, *root.absolute().parents[:2]):  # a dataset is two folders deep
             if any((folder / name).is_file() for name in (MANIFEST_NAME, JOURNAL_NAME)):
                 return Ledger(folder)
         if root.exists():

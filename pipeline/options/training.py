@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from ...datasets.mixture.shipped import SHIPPED
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, check_name
 from ...trajectory_sampler.config import SampleConfig
 from . import check_numbers
 from .shared import Orientation, Parallel, Printing
@@ -199,7 +199,8 @@ class Adapt(Orientation, Parallel):
     """Output folder; defaults to runs/adapt-<scene>-<robot>."""
 
     def check(self) -> None:
-        """Raise InputError if a number is too small."""
+        """Raise InputError if a number is too small, or the controller follows no policy."""
+        check_name("--controller", self.controller, ("auto", "flash", "speed"))
         check_numbers(self, 1, "paths", "steps")
         check_numbers(self, 0, "threads", "workers")
         if not self.learning_rate > 0:

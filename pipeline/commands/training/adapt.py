@@ -53,9 +53,6 @@ class Parts:
 
 def run(options: Adapt) -> int:
     """Adapt the policy, and print what was gained and how to use the checkpoint."""
-    start_torch(options.threads)
-    from .adapt_page import answer, doubts, usage, write_page
-
     robots = chosen_robots(options.robot)
     scenes = list(sources_of(Collect(scene=options.scene, seed=options.seed), [], ""))
     if len(robots) != 1 or len(scenes) != 1:
@@ -63,6 +60,9 @@ def run(options: Adapt) -> int:
             f"{options.scene}, --robot {options.robot}: a policy is adapted to one building and "
             "one robot"
         )
+    start_torch(options.threads)
+    from .adapt_page import answer, doubts, usage, write_page
+
     start, card = _start(options)
     out = options.out or Path("runs") / safe_name(f"adapt-{scenes[0]}-{robots[0].name}")
     out.mkdir(parents=True, exist_ok=True)

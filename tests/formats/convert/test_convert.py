@@ -418,12 +418,14 @@ def test_the_command_refuses_what_it_cannot_use(
     other = dataclasses.replace(make_rollout(1.0, 1), robot="h1")
     second = export_mcap(tmp_path, other, "b")
     out = str(tmp_path / "out")
-    for source, to, words in [
+    for source, to, words, *more in [
         (first.parent, "lerobot", [str(second), "h1", "different robot", str(first), "aliengo"]),
         (first.parent, "mcap", ["already has the format mcap"]),
         (tmp_path / "none", "mcap", ["no such file"]),
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
+        (first, "lerobot", ["--split val", "is mcap", "only from n1 or ros2"], "--split", "val"),
+        (first, "lerobot", ["--every-frame:", "only to n1"], "--every-frame"),
     ]:
-        assert cli.main(["convert", str(source), "--to", to, "--out", out]) == 2
+        assert cli.main(["convert", str(source), "--to", to, "--out", out, *more]) == 2
         output = capsys.readouterr().err
         assert all(word in output for word in words), output
