@@ -80,6 +80,9 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     table["stopping_plates"] = plate_stops(policy, plate_terrain(rng, 0.04), many, rng)
     table["push_standing"] = standing_pushes(policy, many, 0.5, rng)
     table["push_standing_hard"] = standing_pushes(policy, many, 0.8, rng)
+    for friction in (0.4, 0.8) if policy.estimates else ():
+        conditions = Conditions(friction=friction)
+        table[f"estimate_friction_{friction:g}"] = velocity_errors(policy, grid, conditions, rng)
     return table
 
 

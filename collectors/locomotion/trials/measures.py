@@ -162,18 +162,19 @@ def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) 
     """Return how a gait looks: straight walks of 0.3–1.0 m/s on level ground.
 
     Returns:
-        Of the worst walk: roll from peak to peak within a gait cycle [°], median over cycles, and
-        the height of a swinging foot's lowest sole [m], median over swings, of the highest and of
-        the lowest walk.
+        Of the worst walk: roll from peak to peak within a gait cycle [°], median over cycles;
+        lateral speed of the base [m/s, RMS]; error of the mean speed forwards [m/s]. The height of
+        a swinging foot's lowest sole [m], median over swings, of the highest and the lowest walk.
     """
     speed = np.linspace(0.3, policy.robot.command_limits.vx_m_s[1], 8)
     n = len(speed)
     commands = np.column_stack([speed, np.zeros(n), np.zeros(n)]).astype(np.float64)
     trial = Trial(policy, Conditions.mixed(n, rng), np.zeros((n, 2)), np.zeros(n), rng)
-    roll, lift = [], []
+    roll, lift, velocity = [], [], []
     for _ in range(round(seconds / STEP_S)):
         trial.step(commands)
         if trial.time_s > 2.0:
+            velocity.append(trial.velocity)
             gravity = trial.state().gravity
             roll.append(np.rad2deg(np.arctan2(-gravity[:, 1], -gravity[:, 2])))
             lift.append(trial.foot_clearance_m)
@@ -184,6 +185,8 @@ def posture(policy: GaitPolicy, rng: np.random.Generator, seconds: float = 6.0) 
     heights = np.median(swings.mean(axis=2), axis=0)
     return {
         "roll_peak_to_peak_deg": float(np.median(np.ptp(rolls, axis=1), axis=0).max()),
+        "lateral_rms_m_s": float(np.sqrt(np.mean(np.square(velocity), axis=0)[:, 1]).max()),
+        "speed_error_m_s": float(np.abs(np.mean(velocity, axis=0)[:, 0] - speed).max()),
         "clearance_max_m": float(heights.max()),
         "clearance_min_m": float(heights.min()),
         "falls": int(trial.fallen.sum()),
