@@ -17,7 +17,7 @@ from ...formats.core.errors import InputError, check_name
 from ...formats.lerobot.splits import is_published_holdout
 from ...learning.config import train_config
 from ...learning.training.holdout import Holdout, hold_out, published_holdout, scene_of
-from ...learning.training.session import Planned, Request, plan_training
+from ...learning.training.plan import Planned, Request, plan_training
 from ..collect.evaluation import chosen_test
 from ..inputs.episode_file import episodes_of
 from ..options.evaluate import Evaluate

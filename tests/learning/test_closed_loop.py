@@ -24,7 +24,8 @@ from vlnpe.learning.config import ModelConfig, TrainConfig
 from vlnpe.learning.models.rdp import FUTURE, future_motions
 from vlnpe.learning.models.registry import build_model
 from vlnpe.learning.stepper import Choice, Sight, Stepper, discrete_plan
-from vlnpe.learning.training.session import Request, train_recipe
+from vlnpe.learning.training.plan import Request
+from vlnpe.learning.training.session import train_recipe
 from vlnpe.rendering.registry import make_renderer
 
 SMALL = {"channels": [8, 16], "hidden": 48, "words": 16, "dropout": 0.0, "layers": 1}

@@ -21,7 +21,7 @@ from vlnpe.learning.models.heads import FUTURE
 from vlnpe.learning.models.registry import MODELS, Model
 from vlnpe.learning.training.cache import CachedSequences
 from vlnpe.learning.training.holdout import hold_out
-from vlnpe.learning.training.session import Request, plan_training, training_key
+from vlnpe.learning.training.plan import Request, plan_training, training_key
 from vlnpe.learning.training.train import Watcher, learning_rate_factor, train_model
 
 MODEL = {"channels": [4, 8], "hidden": 16, "words": 8}

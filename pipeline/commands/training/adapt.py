@@ -175,7 +175,8 @@ def _train(options: Adapt, start: Path, card: Card, parts: Parts, out: Path) -> 
     """Fine-tune on the expert's walks with the checkpoint's own settings; return the weights."""
     from ....datasets.mixture.recipe import Mixture, Recipe, Source
     from ....learning.training.holdout import Holdout
-    from ....learning.training.session import Request, plan_training, train_once
+    from ....learning.training.plan import Request, plan_training
+    from ....learning.training.session import train_once
 
     title = f"{options.policy} adapted to {parts.train[0].scene_id}"
     config = card.config.to_json() | {

@@ -16,7 +16,7 @@ from ....formats.vlnce.files import read_episodes, write_episodes
 from ....instruction_gen.instruct import instruct_episodes, path_generator
 from ....instruction_gen.records import InstructConfig
 from ....learning.training.holdout import scene_of
-from ....learning.training.session import Planned
+from ....learning.training.plan import Planned
 from ....trajectory_sampler.config import SampleConfig
 from ....trajectory_sampler.sampling import sample_episodes
 from ...inputs.crews import chosen_robots

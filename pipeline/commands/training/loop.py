@@ -18,7 +18,8 @@ from ....learning.card import Card, View, read_card
 from ....learning.checkpoint import Checkpoint
 from ....learning.models.registry import Model
 from ....learning.training.curves import Validation
-from ....learning.training.session import Planned, Request, Result, train_recipe
+from ....learning.training.plan import Planned, Request
+from ....learning.training.session import Result, train_recipe
 from ....rendering.camera.views import CameraOverrides
 from ...collect.evaluation import Trial, chosen_trial
 from ...collect.walked_dataset import walked_dataset

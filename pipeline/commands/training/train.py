@@ -24,7 +24,8 @@ def run(options: Train) -> int:
     from ....datasets.mixture.recipe import read_recipe
     from ....datasets.mixture.shipped import recipe_path
     from ....learning.training.curves import CURVES
-    from ....learning.training.session import Request, plan_training, train_recipe
+    from ....learning.training.plan import Request, plan_training
+    from ....learning.training.session import train_recipe
     from .loop import augmentation, dagger, validation
 
     path = recipe_path(options.recipe)
