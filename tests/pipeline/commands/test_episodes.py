@@ -24,6 +24,7 @@ from vlnpe.formats.vlnce.files import (
     write_vlnce,
 )
 from vlnpe.pipeline.cli import main
+from vlnpe.pipeline.inputs.sampling_plan import sample_config
 from vlnpe.pipeline.stages.rollouts.replay_items import item_names
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -108,15 +109,26 @@ def test_a_repaired_scene_has_its_folder_s_name(tmp_path, capsys):
     assert load_bundle(tmp_path / "flat-1").scene_id == "flat-1"
 
 
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the search for paths end after fewer tries: a shortage costs as many as it has."""
+
+    def config(*arguments, **options):
+        return replace(sample_config(*arguments, **options), patience=4)
+
+    monkeypatch.setattr("vlnpe.pipeline.commands.episodes.sample_config", config)
+
+
 @pytest.mark.chain
+@pytest.mark.usefixtures("impatient")
 def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
-    sizes = ("--splits", "train=30,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
+    sizes = ("--splits", "train=8,val_unseen=2", "--train-scenes", "1", "--min-length-m", "4")
     call = ("sample", scenes / "a", scenes / "b", *sizes, "--min-gap-m", "2", "--allow-fewer")
     code, result = run(capsys, *call, "--out", tmp_path / "mine")
     assert code == 0
-    assert 0 < result["splits"]["train"] < 30
+    assert 0 < result["splits"]["train"] < 8
     assert result["splits"]["val_unseen"] == 2
-    assert "of 30 paths" in caplog.text
+    assert "of 8 paths" in caplog.text
     (path, _) = sorted((tmp_path / "mine").glob("*.json.gz"))
     assert {e.scene_id for e in read_episodes(path)} == {"a"}
     assert main([str(a) for a in ("sample", scenes / "a", "--allow-fewer")]) == 2
@@ -124,17 +136,18 @@ def test_fewer_paths_can_be_allowed(scenes, tmp_path, capsys, caplog):
 
 
 @pytest.mark.chain
+@pytest.mark.usefixtures("impatient")
 def test_a_shortage_of_paths_is_reported_with_advice_that_works(scenes, tmp_path, capsys):
-    call = ["sample", scenes / "a", "--splits", "train=30", "--min-length-m", "4"]
+    call = ["sample", scenes / "a", "--splits", "train=8", "--min-length-m", "4"]
     out = tmp_path / "mine"
     assert main([str(a) for a in (*call, "--min-gap-m", "2", "--out", out)]) == 2
     error = " ".join(capsys.readouterr().err.split())
     assert "a holds" in error
-    assert "of 30 paths that differ by 2 m" in error
+    assert "of 8 paths that differ by 2 m" in error
     assert not list(out.glob("*.json.gz"))
     gap = error.split("--min-gap-m ")[1].split()[0].rstrip(".;")
     code, result = run(capsys, *call, "--min-gap-m", gap, "--out", out)
-    assert (code, result["splits"]) == (0, {"train": 30})
+    assert (code, result["splits"]) == (0, {"train": 8})
 
 
 @pytest.mark.parametrize(
