@@ -225,17 +225,17 @@ def _judge(
         if trimmed is None or not (level.may_end_at(trimmed[0]) and level.may_end_at(trimmed[-1])):
             return "end_at_wall"
         reference, goal = trimmed, trimmed[-1, :2]
-        if not np.array_equal(reference[0, :2], start):
-            start = reference[0, :2]
-            tight, agent = (
-                distance_field(level.freemap, start, radius_m)
-                for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
-            )
     length = path_length(reference)
     if length < config.min_length_m:
         return "too_short"
     if length > config.max_length_m:
         return "too_long"
+    if not np.array_equal(reference[0, :2], start):
+        start = reference[0, :2]
+        tight, agent = (
+            distance_field(level.freemap, start, radius_m)
+            for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
+        )
     # Compare with what the robot could have done, not with the roomier way.
     if length > config.max_detour * float(tight.at(goal)):
         return "detour"

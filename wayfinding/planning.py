@@ -197,6 +197,7 @@ def _relax(path: Array, freemap: Freemap, free: Mask, comfort_m: float, steps: i
     """
     grid = freemap.grid
     path = path.copy()
+    was_free = segments_free(grid, free, path)
     for _ in range(steps):
         inner = path[1:-1]
         at = grid.fractional_cell_of(inner).T
@@ -206,12 +207,14 @@ def _relax(path: Array, freemap: Freemap, free: Mask, comfort_m: float, steps: i
         target = path.copy()
         target[1:-1] = 0.5 * inner + 0.25 * (path[:-2] + path[2:])
         target[1:-1] += push[:, None] * np.stack(slope, axis=1)
-        was_free = segments_free(grid, free, path)
         for _ in range(len(path)):
-            bad = was_free & ~segments_free(grid, free, target)
+            is_free = segments_free(grid, free, target)
+            bad = was_free & ~is_free
             if not np.any(bad):
                 break
             undo = np.append(bad, False) | np.append(False, bad)
             target[undo] = path[undo]
-        path = target
+        else:
+            is_free = segments_free(grid, free, target)
+        path, was_free = target, is_free
     return path
