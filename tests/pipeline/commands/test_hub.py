@@ -76,14 +76,13 @@ def decode(path, times, tolerance_s, **options):
     )
 
 streaming_dataset.decode_video_frames_torchcodec = decode
-stream = streaming_dataset.StreamingLeRobotDataset(
-    sys.argv[2], depth_output_unit="m", shuffle=False
-)
-items = list(stream)
-print(json.dumps({
-    "frames": len(items),
-    "depth_m": float(max(item["observation.images.depth"].max() for item in items)),
-}))
+for repo in sys.argv[2:]:
+    stream = streaming_dataset.StreamingLeRobotDataset(repo, depth_output_unit="m", shuffle=False)
+    items = list(stream)
+    print(json.dumps({
+        "frames": len(items),
+        "depth_m": float(max(item["observation.images.depth"].max() for item in items)),
+    }))
 """
 
 
@@ -137,11 +136,13 @@ def push(hub: Hub, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, A
     monkeypatch.setattr(constants, "HF_HUB_DISABLE_PROGRESS_BARS", True)
     monkeypatch.setenv("HF_ENDPOINT", hub.url)
 
-    def call(root: Path, token: str | None = TOKEN, **options: Any) -> dict[str, Any]:
+    def call(
+        root: Path, token: str | None = TOKEN, repo: str = REPO, **options: Any
+    ) -> dict[str, Any]:
         api = HfApi(endpoint=hub.url, token=token or False)
         printed = io.StringIO()
         with contextlib.redirect_stdout(printed):
-            assert run_push(Push(root, REPO, yes=True, json=True, **options), api) == 0
+            assert run_push(Push(root, repo, yes=True, json=True, **options), api) == 0
         return json.loads(printed.getvalue().splitlines()[-1])
 
     return call
@@ -243,13 +244,13 @@ def test_a_private_repository_wants_a_token(
 def test_streaming_needs_depth_as_images(
     hub: Hub, roots: dict[str, Path], push: Publish, tmp_path: Path
 ) -> None:
-    push(roots["images"])
-    script = ["-c", STREAM, str(tmp_path / "copy.mp4"), REPO]
-    found = last_json(run(script, environment(hub, tmp_path / "b", None)))
+    push(roots["images"], repo="someone/images")
+    push(roots["first"])
+    script = ["-c", STREAM, str(tmp_path / "copy.mp4"), "someone/images", REPO]
+    failed = run(script, environment(hub, tmp_path / "b", None))
+    (found,) = map(json.loads, failed.stdout.splitlines())
     assert found["frames"] == 5 and 1 < found["depth_m"] < 21
     assert not list((tmp_path / "b").rglob("*.mp4")), "streaming keeps no video"
     # LeRobot 0.6.1 opens depth videos by a name that PyAV does not know. When it can, say so.
-    push(roots["first"])
-    failed = run(script, environment(hub, tmp_path / "c", None))
     assert failed.returncode != 0
     assert f"hf://datasets/{REPO}/{DEPTH_VIDEO}" in failed.stderr.splitlines()[-1]
