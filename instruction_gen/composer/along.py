@@ -6,6 +6,7 @@ from functools import partial
 
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
+from .grammar import pick
 from .names import Names
 from .records import Event, Taste
 from .refer import PASS_DOOR_M, at_start, passed, walked_over
@@ -14,7 +15,9 @@ _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
 _OVER = 0.6  # how often a rug that is walked over is mentioned
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
-_PLAIN_TURNS = frozenset(("turn", "slight", "sharp", "jog", "twice"))
+_LONG_THING_M, _CLOSE_M = 1.5, 1.2  # one walks along such a thing
+_PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
+_PASSES = ("pass", "over", "between")
 
 
 def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -39,7 +42,7 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     side = best.mark.side if kind == "beside_start" else ""
     if kind == "beside_start" and not side:
         return []
-    if room and kind != "beside_start" and names.rng.random() < 0.5:
+    if room and names.rng.random() < 0.5:
         kind, names.homed = f"home_{kind}", True
     return [Event(kind, 0.0, A=room, X=best, s=side)]
 
@@ -71,13 +74,22 @@ def passed_events(
         other = {"left": "right", "right": "left"}[mark.side]
         facing = _passing(facts, mark.along_m - 0.8, mark.along_m + 0.8, other)
         across = names.best(facing) if names.rng.random() < 0.5 else None
-        beside = names.beside(best) if across is None and names.rng.random() < 0.35 else None
+        after = _passing(facts, mark.along_m + 0.6, high - 0.4)
+        second = None if across or len(result) + 1 >= taste.passed else names.best(after)
+        beside = names.beside(best) if not (across or second) and names.rng.random() < 0.2 else None
         if across is not None:
             event = replace(event, kind="between", Y=across)
+        elif second is not None and not second.plural:
+            kinds = ["pass_both" if second.mark.side == mark.side else "pass_two", "pass_row"]
+            event = replace(
+                event, kind=pick(kinds, names.rng), Y=second, t=second.mark.side,
+                to_m=second.mark.along_m,
+            )  # fmt: skip
         elif beside is not None:
             event = replace(event, kind="pass_near", Y=beside)
         elif names.rng.random() < 0.7:
-            event = replace(event, kind="pass_side")
+            long = mark.size_m >= _LONG_THING_M and mark.distance_m <= _CLOSE_M
+            event = replace(event, kind="pass_along" if long else "pass_side")
         result.append(event)
     return result
 
@@ -121,23 +133,30 @@ def with_distances(
     """Say how far to walk before a turn that nothing announces, or which room to follow."""
     result: list[Event] = []
     before, speaks = 0.0, taste.voice != "terse"
-    for event in events:
+    todo = [*events, stop]
+    for k, event in enumerate(todo):
         gap = event.along_m - before
-        bare = event.kind in _PLAIN_TURNS or event.kind in ("leave_only", "leave_turn")
-        room = facts.room_at(before + 0.5 * gap)
-        beside = event.kind in ("pass", "pass_side", "between", "pass_near", "pass_door", "over")
-        long = gap > (2.0 if bare else _LONG_M)
-        if speaks and room == "hallway" and long and not beside:
+        bare = event.kind in _PLAIN_TURNS
+        turn_m = next(e.along_m for e in todo[k:] if not e.kind.startswith(_PASSES))
+        room = facts.room_at(before + 0.3)
+        stays = facts.room_at(max(before, turn_m - 0.5)) == room == "hallway"
+        new = not (result and result[-1].kind.startswith((*_PASSES, "follow")))
+        if speaks and stays and new and turn_m - before > (3.0 if bare else _LONG_M):
+            if event.kind in ("enter", "enter_door") and event.B:
+                into = replace(event, kind="along_into", B=names.name(room), C=event.B)
+                result.append(into)
+                before = into.done_m
+                continue
             result.append(Event("follow", before + 0.2, B=names.name(room)))
-        if bare and gap > (FEW_STEPS_M if speaks else _LONG_M + FEW_STEPS_M):
+        elif (
+            bare
+            and event.kind != "slight"
+            and gap > (FEW_STEPS_M if speaks else _LONG_M + FEW_STEPS_M)
+        ):
             result.append(Event("walk", before, far_m=gap))
         result.append(event)
         before = max(before, _end(event) - 0.2)
-    hall = facts.visits[-1]
-    long = stop.along_m - max(before, hall.from_m) > _LONG_M
-    if speaks and hall.room == "hallway" and long:
-        result.append(Event("follow", before + 0.2, B=names.name(hall.room)))
-    return result
+    return result[:-1]
 
 
 def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:

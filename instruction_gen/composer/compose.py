@@ -17,8 +17,9 @@ from .steps import move_events
 from .stop import stop_events
 
 DRAFTS = 40  # written for each text, the best is taken
-WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (34, 42)}
+WORDS = {"terse": (5, 8), "natural": (20, 27), "rich": (36, 48)}
 _MOST_CHECKED = 16
+_NEAR_M = 1.5
 _Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
 
 
@@ -74,6 +75,8 @@ def plan(
     names = Names(facts, rng, taste.looks, called)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
+    if stop[0].kind == "stop_after":  # only what is passed shows where
+        taste = replace(taste, passed=taste.passed + (taste.voice != "terse"), gap_m=_NEAR_M)
     events = move_events(facts, names, taste)
     events += passed_events(events, facts, names, taste)
     events.sort(key=lambda e: e.along_m)
@@ -100,7 +103,7 @@ def _draft(
     taste = replace(
         taste,
         marks=taste.marks * spread,
-        passed=int(rng.integers(taste.passed + 1)) if taste.passed else 0,
+        passed=int(rng.integers(taste.passed > 2, taste.passed + 1)) if taste.passed else 0,
     )
     events = plan(facts, taste, rng, called)
     steps = realize(events, style, rng, usage)

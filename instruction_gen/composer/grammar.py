@@ -20,13 +20,27 @@ _VOICES = {"t": "terse", "n": "natural", "r": "rich"}
 _NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 # One walks into a room, but not "in" where there is a hallway.
-_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|pop|nip|duck|slip|the room|into it)")
+_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|in there|the room)")
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
 # How often a thing that is only passed or seen is a new one: "a bench", not "the bench".
 _NEW_KINDS = ("pass", "facing", "behind", "beside_start", "home_", "cue", "between", "over")
-_NEW = 0.45
-_USUAL = 0.25  # how often a thing has its usual name at least
+_NEW = 0.1
+_USUAL = 0.7  # how often a thing has its usual name at least
+# What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
+_GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")
+_WAYS = ("follow", "pass", "over", "between")
+_TURNS = (
+    "turn",
+    "again",
+    "twice",
+    "jog",
+    "slight",
+    "sharp",
+    "leave_turn",
+    "out_turn",
+    "enter_turn",
+)
 # Who sets out has not walked yet.
 _MORE = frozenset(("more", "another", "farther", "onwards", "continue", "keep", "carry"))
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
@@ -88,7 +102,9 @@ def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Sequence[str
         else:
             voices, _, phrase = line.partition(" ")
             joint, _, rest = phrase.strip().partition(" ")
-            joint, rest = (joint, rest) if joint in ("^", "&", "<", ".") else ("", phrase.strip())
+            joint, rest = (
+                (joint, rest) if joint in ("^", "&", "+", "<", ".") else ("", phrase.strip())
+            )
             voice = frozenset(_VOICES[v] for v in voices)
             rules.setdefault(kind, []).append(Phrase(rest, joint, voice, claims))
     return rules, called
@@ -106,17 +122,17 @@ def pick[T](options: Sequence[T], rng: np.random.Generator) -> T:
 
 
 def drafts(
-    event: Event, voice: str, rng: np.random.Generator, count: int, after: str = ""
+    event: Event, voice: str, rng: np.random.Generator, count: int, before: Clause | None = None
 ) -> list[Clause]:
-    """Return some ways to say an event.
-
-    Args:
-        after: the joint of the clause before, "start" at the start.
-    """
+    """Return some ways to say an event after the clause before."""
     rule = grammar()[0][event.kind]
-    lone = ("&",) if after in ("start", "^", "&", ".") else ()
-    barred = ("&", "^", "<", ".") if after == "^" else lone
-    fit = [p for p in rule if p.joint not in barred]
+    after = before.phrase.joint if before else "."
+    onward = before is not None and after not in (".", "^") and before.event.kind.startswith(_WAYS)
+    onward = onward and (after in ("&", "+") or before.words.startswith(_GOES))
+    along = onward or (before is not None and after != "." and before.event.kind in _TURNS)
+    barred = {"&": not along or after == "&", "+": not onward, "^": after == "^",
+              "<": after == "^", ".": after == "^"}  # fmt: skip
+    fit = [p for p in rule if not barred.get(p.joint)]
     options = [p for p in fit if voice in p.voices] or fit
     fine: list[Clause] = []
     odd: list[Clause] = []

@@ -12,17 +12,19 @@ from .grammar import Clause, drafts, pick
 from .records import Event
 
 _CHOICES = 16  # ways to say an event, of which the least used is taken
-_OPENERS = ("Then", "Next,", "After that,", "Now", "From there,", "Finally,")
-_OPENED, _MOST_OPENED = 0.3, 2
+_OPENERS = ("Then", "Now", "From there,")
+_OPENED, _MOST_OPENED = 0.2, 1
 _JOINTS = {
     "terse": (", ", ", then ", " and "),
     "natural": (" and ", ", then ", ", and then "),
-    "rich": (" and ", ", then ", ", and after that ", ", and then "),
+    "rich": (" and ", ", then ", ", and then "),
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
+_TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
-_BREVITY = 1.5  # a word of a terse clause
+_BREVITY = {"terse": 1.5, "natural": 0.08, "rich": 0.0}  # what each word of a clause costs
+_FLOW = 0.6  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
 
@@ -70,16 +72,18 @@ def realize(
     """Return the sentences of a text with their claims, the stop in the last."""
     clauses: list[Clause] = []
     for event in events:
-        after = clauses[-1].phrase.joint if clauses else "start"
-        ways = drafts(event, voice, rng, _CHOICES, after)
+        ways = drafts(event, voice, rng, _CHOICES, clauses[-1] if clauses else None)
         own = {clause.words.split()[0] for clause in clauses[-3:]}
-        brief = _BREVITY if voice == "terse" else 0.0
+        said = {word for clause in clauses[-2:] for word in clause.words.split() if len(word) > 4}
 
-        def worse(clause: Clause, own: set[str] = own, brief: float = brief) -> float:
+        def worse(clause: Clause, own: set[str] = own, said: set[str] = said) -> float:
             words = clause.words.split()
-            new = min(2, sum(not usage.counts[word,] for word in words)) * (brief == 0.0)
+            new = min(2, sum(not usage.counts[word,] for word in words)) * (voice != "terse")
             again = usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
-            return again + brief * len(words)
+            again += _TWICE * len(said & set(words))
+            return (
+                again + _BREVITY[voice] * len(words) - _FLOW * (clause.phrase.joint in ("&", "+"))
+            )
 
         clauses.append(min(ways, key=worse))
     return _sentences(clauses, voice, rng)
@@ -91,7 +95,10 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
     for k, clause in enumerate(clauses):
         now, leading = done[-1], k > 0 and clauses[k - 1].event.kind in _LEADING
         before = clauses[k - 1].phrase.joint if k else ""
-        if before == "^" or clause.phrase.joint == "&":
+        joint = clause.phrase.joint
+        if joint == "+" and before not in ("&", "+"):
+            now.words += f" {clause.words}"
+        elif before == "^" or joint in ("&", "+"):
             now.words += f", {clause.words}"
         elif not now.words:
             now.words = clause.words
@@ -103,9 +110,14 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
             words = clause.words
             moved = not now.words.lower().startswith(_STANDING) and "then" not in now.words.split()
             plain = clause.phrase.joint == "" and "then" not in words.split() and voice != "terse"
-            if plain and moved and opened < _MOST_OPENED and rng.random() < _OPENED:
-                last = len(_OPENERS) - (k + 1 < len(clauses))
-                words = f"{_OPENERS[int(rng.integers(last))]} {words}"
+            if (
+                plain
+                and moved
+                and not clause.event.kind.startswith("stop")
+                and opened < _MOST_OPENED
+                and rng.random() < _OPENED
+            ):
+                words = f"{pick(_OPENERS, rng)} {words}"
                 opened += 1
             now = _Sentence(words)
             done.append(now)
@@ -123,13 +135,19 @@ def _continues(
         return False
     if leading:
         return True
+    if clause.event.kind.startswith("stop") and voice != "terse" and _full(now.words):
+        return False
     weight = now.clauses + now.words.count(" and ") + now.words.count("; ")
     return weight < _LONGEST[voice] and rng.random() < (0.85 if voice == "terse" else 0.5)
 
 
+def _full(words: str) -> bool:
+    return " and " in words or "," in words
+
+
 def _joint(now: _Sentence, clause: Clause, voice: str, rng: np.random.Generator) -> str:
     """Return what joins a clause; no "leave the hall and turn left and stop"."""
-    if " and " in now.words or " and " in clause.words or "," in now.words:
+    if _full(now.words) or " and " in clause.words:
         if voice == "terse":
             return ", "
         return ", and " if "then" in now.words.lower().split() else ", then "

@@ -4,11 +4,12 @@ from bisect import bisect_left
 from dataclasses import dataclass
 
 from ..facts.landmarks import PLAIN
-from ..facts.records import LandmarkFact, Moment, PathFacts
+from ..facts.records import LandmarkFact, Moment, PathFacts, TurnFact
 
 PASS_M, PASS_DOOR_M = 2.0, 1.8
 STOP_M, STOP_AT_M = 1.9, 1.2  # of the nearest thing, of any other
 _TURN_M = 1.7
+_AROUND_M = 1.2
 _NEW_M = 1.5  # who walks farther toward a thing in view takes it for no cue
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
@@ -51,6 +52,16 @@ def at_turn(mark: LandmarkFact, along_m: float) -> float | None:
     # It must be ahead before the turn, or it would be no landmark for the turn.
     before = moment_at(mark, along_m - 1.0)
     return min(near) if before is not None and abs(before.facing_deg) < 50.0 else None
+
+
+def around(mark: LandmarkFact, turn: TurnFact) -> float | None:
+    """Return how far a large thing is that a turn leads around [m], else None."""
+    here, before = moment_at(mark, turn.along_m), moment_at(mark, turn.along_m - 1.0)
+    if here is None or before is None or not mark.nameable or mark.side != turn.side:
+        return None
+    inner = all(m.open and (m.bearing_deg > 0) == (turn.angle_deg > 0) for m in (here, before))
+    at_hand = here.distance_m <= _AROUND_M and 40.0 <= abs(here.bearing_deg) <= 120.0
+    return here.distance_m if inner and at_hand and mark.size_m >= _STARTS_AT_M else None
 
 
 def new_in_view(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:

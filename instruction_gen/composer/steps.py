@@ -19,12 +19,14 @@ from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
-from .refer import PASS_DOOR_M, at_turn, in_view, new_in_view
+from .refer import PASS_DOOR_M, around, at_turn, in_view, new_in_view
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
 _AT_ONCE_M = 1.3
 _SWING_M = 0.4  # a doorway so far to the other side is not on its side
+_AGAIN = {"turn": "again", "turn_enter": "again_enter"}
+_TURNED = ("turn", "leave_turn", "out_turn", "enter_turn", "leave_turn_enter", "turn_enter")
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
@@ -39,7 +41,9 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
         pair = _joined(move, after)
-        if pair is None and taste.voice == "terse":
+        if pair is None and (
+            taste.voice == "terse" or (after and after.along_m - move.along_m < 3)
+        ):
             pair = _through(move, after, names)
         if pair is not None:
             result.append(pair)
@@ -49,7 +53,14 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             result.append(_turn(move, gap, facts, names, taste))
         else:
             result.append(_passage(move, move.passage, facts, names, taste))
-    return result
+    return [_again(event, before) for before, event in pairwise([None, *result]) if event]
+
+
+def _again(event: Event, before: Event | None) -> Event:
+    """Return a turn as one to the same side again, where the last event turned there, too."""
+    kind = _AGAIN.get(event.kind)
+    same = before is not None and before.s == event.s and before.kind in _TURNED
+    return replace(event, kind=kind) if kind and same else event
 
 
 def _unique(passage: PassageFact, facts: PathFacts) -> bool:
@@ -154,6 +165,7 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     if gap_m > at_once_m or names.rng.random() < taste.marks:
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
+            ("turn_by", lambda m: around(m, turn)),
             ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
             ("cue", lambda m: new_in_view(m, facts, along - 1.0) if along > 1.2 else None),
         ]
@@ -171,7 +183,8 @@ def _passage(
     side = turn.side if turn else ""
     first = passage is facts.passages[0] and along < 4.0
     room = names.entered(passage)
-    left = "" if first and names.homed else names.name(passage.from_room)
+    brief = taste.voice == "terse" or (first and names.homed)
+    left = "" if brief else names.name(passage.from_room)
     done = max(along, passage.along_m, turn.along_m if turn else 0.0)
     event = Event("enter", along, A=left, B=room, s=side, to_m=done)
     # Where a hallway goes on as another there is no door.
@@ -209,9 +222,8 @@ def _passage(
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
         return replace(event, kind=pick(kinds, rng))
     if turn is not None:
-        out = rng.random() < (0.8 if taste.voice == "terse" else 0.3)
-        if first and event.A and out and passage.to_room == "hallway":
-            return replace(event, kind="leave_turn")
+        if rng.random() < 0.8 and passage.to_room == "hallway" != passage.from_room:
+            return replace(event, kind="leave_turn" if event.A else "out_turn")
         behind_m = turn.along_m + 0.75
         ahead = names.best(lambda m: in_view(m, facts, behind_m, 35.0, 5.0)) if marked else None
         return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)

@@ -9,7 +9,7 @@ from ..facts.records import PathFacts
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import STOP_AT_M, Reference, at_goal, hung_at_goal, moment_at, passed
+from .refer import STOP_AT_M, STOP_M, Reference, at_goal, hung_at_goal, in_view, moment_at, passed
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M, _BEHIND_DEG = 1.2, 100.0
@@ -38,7 +38,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
     if mark is not None:
         return _at(mark, facts, names, taste)
-    since_door_m = length - facts.passages[-1].along_m if facts.passages else np.inf
+    since_door_m = _since_door_m(facts)
     if since_door_m <= _JUST_INSIDE_M:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))
     near = facts.goal_near_rooms
@@ -62,6 +62,11 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     return Event("stop_after", length, far_m=1.0)
 
 
+def _since_door_m(facts: PathFacts) -> float:
+    """Return how far the path goes on behind its last doorway [m]."""
+    return facts.length_m - facts.passages[-1].along_m if facts.passages else np.inf
+
+
 def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:
     """Return the stop at a thing, and what more is said of its place."""
     mark, bearing_deg = thing.mark, thing.mark.goal_bearing_deg
@@ -82,8 +87,13 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
     # "When the sofa is on your right" says nothing if the sofa was there all along.
     if near and 55.0 < abs(bearing_deg) < 125.0 and before and abs(before.bearing_deg) < 40.0:
         options.append(replace(event, kind="stop_side", s=side))
+    if _since_door_m(facts) <= _STEPS_INSIDE_M:
+        options.append(replace(event, kind="stop_in_by"))
     if names.rng.random() < taste.more:
-        if not ahead and (beside := names.beside(thing)):
+        view = names.best(lambda m: in_view(m, facts, facts.length_m, 25.0, 2.5), at_goal=True)
+        if not ahead and view is not None:
+            options.append(replace(event, kind="stop_view", Y=view))
+        if not ahead and (beside := names.beside(thing)) and beside.mark.goal_distance_m <= STOP_M:
             options.append(replace(event, kind="stop_near", Y=beside))
         if across is not None:
             other = "right" if side == "left" else "left"
