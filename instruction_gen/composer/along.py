@@ -25,7 +25,8 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     looks_away = bool(facts.turns) and facts.turns[0].along_m < 0.3
     if names.rng.random() >= taste.start:
         return []
-    room = "" if facts.start_rooms else names.name(facts.visits[0].room)
+    plain = facts.start_rooms or facts.visits[0].room == "hallway"
+    room = "" if plain else names.name(facts.visits[0].room)
     kinds: dict[str, str] = {}
 
     def near(mark: LandmarkFact) -> float | None:

@@ -24,8 +24,8 @@ _INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|in there|the room)
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
 # How often a thing that is only passed or seen is a new one: "a bench", not "the bench".
-_NEW_KINDS = ("pass", "facing", "behind", "beside_start", "home_", "cue", "between", "over")
-_NEW = 0.1
+_NEW_KINDS = ("pass_", "cue")
+_NEW = 0.15
 _USUAL = 0.7  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
 _GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")

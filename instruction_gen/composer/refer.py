@@ -14,7 +14,7 @@ _NEW_M = 1.5  # who walks farther toward a thing in view takes it for no cue
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
-_HUNG = ("picture", "window")  # on walls, passed like things
+HUNG = ("picture", "window")  # on walls, passed like things
 _OVER_MOMENTS = 4  # a quarter of a metre apart
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 
@@ -62,6 +62,13 @@ def around(mark: LandmarkFact, turn: TurnFact) -> float | None:
     inner = all(m.open and (m.bearing_deg > 0) == (turn.angle_deg > 0) for m in (here, before))
     at_hand = here.distance_m <= _AROUND_M and 40.0 <= abs(here.bearing_deg) <= 120.0
     return here.distance_m if inner and at_hand and mark.size_m >= _STARTS_AT_M else None
+
+
+def before_reached(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
+    """Return how far a thing straight ahead is that a turn does not quite reach [m], else None."""
+    if (far_m := in_view(mark, facts, along_m - 0.5, 20.0, 3.0)) is None:
+        return None
+    return far_m if far_m >= 1.0 and mark.size_m >= _STARTS_AT_M else None
 
 
 def new_in_view(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
@@ -120,7 +127,7 @@ def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) ->
     beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
     # What one sees through a door is not passed.
     here = mark.room in ("", facts.room_at(mark.along_m))
-    return bool((mark.nameable or mark.noun in _HUNG) and beside and here and came_by(mark))
+    return bool((mark.nameable or mark.noun in HUNG) and beside and here and came_by(mark))
 
 
 def walked_over(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) -> bool:
@@ -144,7 +151,7 @@ def hung_at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
     """Return whether a window or picture is at the goal and not behind."""
     here = mark.goal_open and mark.goal_distance_m <= STOP_M and abs(mark.goal_bearing_deg) <= 105.0
     own = mark.room in ("", facts.goal_room)
-    return mark.noun in _HUNG and here and own and _shown(mark, facts)
+    return mark.noun in HUNG and here and own and _shown(mark, facts)
 
 
 def _shown(mark: LandmarkFact, facts: PathFacts) -> bool:

@@ -19,11 +19,12 @@ from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
-from .refer import PASS_DOOR_M, around, at_turn, in_view, new_in_view
+from .refer import HUNG, PASS_DOOR_M, around, at_turn, before_reached, in_view, new_in_view, passed
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
 _AT_ONCE_M = 1.3
+_JUST_M = 1.5
 _SWING_M = 0.4  # a doorway so far to the other side is not on its side
 _AGAIN = {"turn": "again", "turn_enter": "again_enter"}
 _TURNED = ("turn", "leave_turn", "out_turn", "enter_turn", "leave_turn_enter", "turn_enter")
@@ -48,11 +49,10 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
         if pair is not None:
             result.append(pair)
             todo = todo[1:]
-        elif move.passage is None:
-            gap = move.along_m - (result[-1].done_m if result else 0.0)
-            result.append(_turn(move, gap, facts, names, taste))
         else:
-            result.append(_passage(move, move.passage, facts, names, taste))
+            gap = move.along_m - (result[-1].done_m if result else 0.0)
+            tell = _turn if move.passage is None else _passage
+            result.append(tell(move, gap, facts, names, taste))
     return [_again(event, before) for before, event in pairwise([None, *result]) if event]
 
 
@@ -166,6 +166,8 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
             ("turn_by", lambda m: around(m, turn)),
+            ("turn_after", _just_passed(facts, along, gap_m)),
+            ("turn_before", lambda m: before_reached(m, facts, along)),
             ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
             ("cue", lambda m: new_in_view(m, facts, along - 1.0) if along > 1.2 else None),
         ]
@@ -176,10 +178,23 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     return Event("turn", along, s=turn.side)
 
 
-def _passage(
-    move: Move, passage: PassageFact, facts: PathFacts, names: Names, taste: Taste
-) -> Event:
-    turn, along, rng = move.turn, move.along_m, names.rng
+def _just_passed(
+    facts: PathFacts, along_m: float, gap_m: float
+) -> Callable[[LandmarkFact], float | None]:
+    """Return how far a thing is that is passed right before a place of the path [m]."""
+    from_m = along_m - min(_JUST_M, gap_m - 0.3)
+    room = facts.room_at(along_m - 0.3)
+
+    def far(mark: LandmarkFact) -> float | None:
+        just = mark.room == room and mark.noun not in HUNG
+        return mark.distance_m if just and passed(mark, facts, from_m, along_m - 0.3) else None
+
+    return far
+
+
+def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste) -> Event:
+    turn, passage, along, rng = move.turn, move.passage, move.along_m, names.rng
+    assert passage is not None
     side = turn.side if turn else ""
     first = passage is facts.passages[0] and along < 4.0
     room = names.entered(passage)
@@ -215,6 +230,9 @@ def _passage(
             near = names.best(lambda m: at_turn(m, turn.along_m) if along > 0.8 else None)
             if near:
                 return replace(event, kind="turn_enter_at", X=near)
+        after = names.best(_just_passed(facts, along, gap_m)) if marked else None
+        if after:
+            return replace(event, kind="turn_enter_after", X=after, t=after.mark.side)
         if marked and (mark := names.best(inside)):
             return replace(event, kind="turn_enter_see", X=mark)
         kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * doorway * 2

@@ -98,9 +98,6 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
         if across is not None:
             other = "right" if side == "left" else "left"
             options.append(replace(event, kind="stop_with", Y=across, s=other))
-        room = facts.goal_room
-        if room and not facts.goal_rooms and not ahead:
-            options.append(replace(event, kind="stop_in", B=names.name(room)))
     return pick([event, *options], names.rng)
 
 
