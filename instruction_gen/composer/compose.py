@@ -16,7 +16,7 @@ from .records import TASTES, Event, Taste
 from .steps import move_events
 from .stop import stop_events
 
-DRAFTS = 40  # written for each text, the best is taken
+DRAFTS = 32  # written for each text, the best is taken
 WORDS = {"terse": (5, 8), "natural": (20, 27), "rich": (36, 48)}
 _MOST_CHECKED = 16
 _NEAR_M = 1.5

@@ -26,7 +26,7 @@ _STRAIGHT = frozenset(("straight", "forward"))
 # How often a thing that is only passed or seen is a new one: "a bench", not "the bench".
 _NEW_KINDS = ("pass_", "cue")
 _NEW = 0.15
-_USUAL = 0.7  # how often a thing has its usual name at least
+_USUAL = 0.5  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
 _GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")
 _WAYS = ("follow", "pass", "over", "between")

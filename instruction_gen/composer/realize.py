@@ -11,7 +11,7 @@ from ..language.claims import Claim, Step
 from .grammar import Clause, drafts, pick
 from .records import Event
 
-_CHOICES = 16  # ways to say an event, of which the least used is taken
+_CHOICES = 32  # ways to say an event, of which the least used is taken
 _OPENERS = ("Then", "Now", "From there,")
 _OPENED, _MOST_OPENED = 0.2, 1
 _JOINTS = {
@@ -24,7 +24,7 @@ _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower c
 _TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
 _BREVITY = {"terse": 1.5, "natural": 0.08, "rich": 0.0}  # what each word of a clause costs
-_FLOW = 0.6  # what a clause is worth that goes on with the one before
+_FLOW = 0.5  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
 
@@ -79,7 +79,7 @@ def realize(
         def worse(clause: Clause, own: set[str] = own, said: set[str] = said) -> float:
             words = clause.words.split()
             new = min(2, sum(not usage.counts[word,] for word in words)) * (voice != "terse")
-            again = usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
+            again = 1.5 * usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
             again += _TWICE * len(said & set(words))
             return (
                 again + _BREVITY[voice] * len(words) - _FLOW * (clause.phrase.joint in ("&", "+"))
