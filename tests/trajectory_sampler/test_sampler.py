@@ -246,13 +246,13 @@ def test_quotas_are_filled_and_splits_share_no_family(divided):
 
 @pytest.mark.chain
 def test_a_shortage_of_paths_is_counted_and_the_advice_works(two_rooms):
-    config = replace(CONFIG, count=40, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=10)
+    config = replace(CONFIG, count=16, min_length_m=4.0, min_gap_m=2.0, relax=False, patience=6)
     result = sample_episodes(two_rooms, config, np.random.default_rng(0))
-    assert result.missing["train"] == 40 - len(result.episodes) > 0
+    assert result.missing["train"] == 16 - len(result.episodes) > 0
     for a, b in combinations(result.episodes, 2):
         assert path_gap(a.reference_path_world_m, b.reference_path_world_m) >= 2.0
     assert result.enough_at_m is not None
-    followed = replace(config, min_gap_m=result.enough_at_m, patience=30)
+    followed = replace(config, min_gap_m=result.enough_at_m, patience=12)
     assert sample_episodes(two_rooms, followed, np.random.default_rng(0)).missing == {}
 
 
