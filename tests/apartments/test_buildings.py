@@ -45,8 +45,11 @@ def geometry_digest(scene: TrueScene) -> str:
     return digest.hexdigest()[:16]
 
 
-@pytest.fixture(scope="module", params=[(kind, seed) for kind in LARGE for seed in (0, 1)],
-                ids=lambda p: f"{p[0]}-{p[1]}")  # fmt: skip
+@pytest.fixture(
+    scope="module",
+    params=[pytest.param((kind, seed), id=f"{kind}-{seed}", marks=[pytest.mark.slow] * seed)
+            for kind in LARGE for seed in (0, 1)],
+)  # fmt: skip
 def building(request: pytest.FixtureRequest) -> TrueScene:
     return built(*request.param)
 

@@ -265,7 +265,7 @@ def test_a_straight_way_through_walls_becomes_a_detour(house: House, tmp_path: P
 
 
 def test_sampled_episodes_never_leave_their_level(house: House) -> None:
-    config = SampleConfig(count=24, robot_radius_m=RADIUS_M)
+    config = SampleConfig(count=10, robot_radius_m=RADIUS_M)
     result = sample_episodes(house.scene, config, np.random.default_rng(1))
     floors = [plan.floor_z_m for plan in house.home.storeys]
     assert {e.level for e in result.episodes} == {0, 1}

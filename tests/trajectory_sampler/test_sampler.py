@@ -80,11 +80,11 @@ def test_paths_begin_and_end_with_an_open_view(two_rooms):
 
 
 def test_a_scene_without_open_ends_gives_paths_with_a_warning_or_none(two_rooms, caplog):
-    result = sample(two_rooms, min_view_m=5.0)
+    result = sample(two_rooms, min_view_m=5.0, patience=2)
     assert len(result.episodes) == 2
     assert "accepted 2 without that" in caplog.text
     with pytest.raises(SceneError, match="end_at_wall"):
-        sample(two_rooms, min_view_m=5.0, relax=False)
+        sample(two_rooms, min_view_m=5.0, patience=2, relax=False)
 
 
 def test_the_same_seed_gives_the_same_episodes(two_rooms):
