@@ -356,7 +356,7 @@ def bedroom(two_rooms, tmp_path):
 
 
 @pytest.mark.chain
-@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_furnished_bedroom_gives_what_is_asked_for_or_says_why_not(bedroom, seed, caplog):
     """With the options that the README advises for a scan of one room."""
     advised = {"min_length_m": 2.0, "min_crossings": 0, "patience": 2}
