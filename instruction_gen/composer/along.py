@@ -13,6 +13,7 @@ from .refer import PASS_DOOR_M, at_start, passed, walked_over
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
+_CHAINED = 0.8  # how often a second thing is passed in one breath
 _OVER = 0.6  # how often a rug that is walked over is mentioned
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 _LONG_THING_M, _CLOSE_M = 1.5, 1.2  # one walks along such a thing
@@ -74,9 +75,10 @@ def passed_events(
         event = Event("pass", mark.along_m, X=best, s=mark.side)
         other = {"left": "right", "right": "left"}[mark.side]
         facing = _passing(facts, mark.along_m - 0.8, mark.along_m + 0.8, other)
-        across = names.best(facing) if names.rng.random() < 0.5 else None
+        across = names.best(facing) if names.rng.random() < 0.3 else None
         after = _passing(facts, mark.along_m + 0.6, high - 0.4)
-        second = None if across or len(result) + 1 >= taste.passed else names.best(after)
+        chained = across is None and names.rng.random() < _CHAINED
+        second = names.best(after) if chained else None
         beside = names.beside(best) if not (across or second) and names.rng.random() < 0.2 else None
         if across is not None:
             event = replace(event, kind="between", Y=across)

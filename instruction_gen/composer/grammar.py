@@ -20,12 +20,10 @@ _VOICES = {"t": "terse", "n": "natural", "r": "rich"}
 _NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
 # One walks into a room, but not "in" where there is a hallway.
-_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|in there|the room)")
+_INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|in there|the room)", re.IGNORECASE)
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
-# How often a thing that is only passed or seen is a new one: "a bench", not "the bench".
-_NEW_KINDS = ("pass_", "cue")
-_NEW = 0.15
+_NEW_KINDS = ("pass", "cue")  # of several such things it may be "a picture", not "the picture"
 _USUAL = 0.5  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
 _GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")
@@ -42,7 +40,7 @@ _TURNS = (
     "enter_turn",
 )
 # Who sets out has not walked yet.
-_MORE = frozenset(("more", "another", "farther", "onwards", "continue", "keep", "carry"))
+_MORE = frozenset(("more", "another", "further", "onwards", "continue", "keep", "carry"))
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
@@ -139,11 +137,11 @@ def drafts(
     for _ in range(count):
         phrase = pick(options, rng)
         words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
-        new = event.kind.startswith(_NEW_KINDS) and rng.random() < _NEW
+        new = event.kind.startswith(_NEW_KINDS)
         filled = " ".join(_SLOT.sub(lambda m, new=new: _slot(m[1], event, new), words).split())
         into_hall = _INSIDE.search(words) and _is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(filled.split())
-        again = event.along_m < 0.3 and _MORE & set(filled.split())
+        again = (event.along_m < 0.3 or before is None) and _MORE & set(filled.split())
         clause = Clause(event, phrase, filled)
         (odd if into_hall or straight or again else fine).append(clause)
     return fine or odd
@@ -164,7 +162,8 @@ def _slot(slot: str, event: Event, new: bool) -> str:
         return _ORDINAL[event.ordinal]
     if isinstance(value, Reference):
         thing = value.words.removeprefix("the ")
-        article = "the" if value.plural or not new else "an" if thing[0] in "aeio" else "a"
+        several = new and value.mark.count > 1 and not value.plural
+        article = "the" if not several else "an" if thing[0] in "aeio" else "a"
         return f"{article} {thing}"
     if slot not in "ABC":
         return str(value)

@@ -67,6 +67,6 @@ class Taste:
 
 TASTES = {
     "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0),
-    "natural": Taste("natural", 0.5, 0.35, 2, 2.2, 0.3, 0.4),
-    "rich": Taste("rich", 0.8, 0.7, 4, 1.4, 0.4, 0.8),
+    "natural": Taste("natural", 0.5, 0.15, 2, 2.2, 0.3, 0.4),
+    "rich": Taste("rich", 0.8, 0.4, 4, 1.4, 0.4, 0.8),
 }

@@ -259,6 +259,8 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
         kind = "enter_nth" if passage.side and doorway else "enter_ahead"
         return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
     kinds = ["leave"] * 3 if first and event.A else ["enter"]
+    if not (passage.side or gap_m < 1.0 or (first and event.A)):
+        kinds += ["enter_ahead"]
     if doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
     return replace(event, kind=pick(kinds, rng))
