@@ -18,10 +18,10 @@ from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.composer.compose import plan
-from vlnpe.instruction_gen.composer.grammar import grammar
+from vlnpe.instruction_gen.composer.grammar import drafts, grammar
 from vlnpe.instruction_gen.composer.moves import mentioned_turns
 from vlnpe.instruction_gen.composer.names import Names
-from vlnpe.instruction_gen.composer.records import TASTES
+from vlnpe.instruction_gen.composer.records import TASTES, Event
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.facts.records import TurnFact
@@ -394,6 +394,18 @@ def test_texts_of_a_path_speak_of_different_things_and_say_little_twice(two_room
     assert len({one.text.split()[0] for one in got}) > 1
     words = [len(one.text.split()) for one in got]
     assert words[1] < words[0] < words[2]
+
+
+@pytest.mark.parametrize(
+    ("before", "goes_on"), [("enter", False), ("turn", False), ("follow", True)]
+)
+def test_only_a_way_that_is_followed_goes_on_into_a_room(before, goes_on):
+    """Nobody says "enter the hallway into the kitchen", nor means a turn by "turn left into it"."""
+    rng = np.random.default_rng(0)
+    for _ in range(9):
+        first = drafts(Event(before, 0.0, B="hallway", s="left"), "natural", rng, 1)[0]
+        ways = drafts(Event("enter", 5.0, B="kitchen"), "natural", rng, 40, first)
+        assert any(way.phrase.joint == "+" for way in ways) == goes_on
 
 
 def test_claims_are_kept_beside_the_texts(two_rooms):
