@@ -9,6 +9,7 @@ from ....formats.core.atomic import write_json
 from ....formats.core.errors import FileFormatError, brief
 from ....formats.untrusted.documents import read_json_object
 from ...robots import RobotSpec
+from .footing import POWERS, Footing
 from .gait import FACTORS, RATE_HZ, GaitClock
 from .observation import layout, past_steps
 
@@ -40,6 +41,7 @@ class PolicyCard:
         network_sha256: digest of the network's file.
         training: configuration, seed, samples, wall time, versions.
         evaluation: table of `evaluate.py`.
+        footing: how the gait follows stairs; None for one that takes the ground as level.
     """
 
     robot: str
@@ -58,11 +60,20 @@ class PolicyCard:
     training: dict[str, Any]
     evaluation: dict[str, Any]
     speed_rad_s: tuple[float | None, ...] = ()
+    footing: Footing | None = None
 
     @property
     def past(self) -> int:
         """Number of earlier steps in the observation."""
         return past_steps(self.observation)
+
+    @property
+    def sees_ground(self) -> bool:
+        """Whether the ground is part of the observation, for a gait with a footing."""
+        return any(name == "height_scan_m" for name, _ in self.observation)
+
+    def _layout(self, joints: int) -> list[tuple[str, int]]:
+        return layout(joints, self.past, self.footing if self.sees_ground else None)
 
     def check(self, robot: RobotSpec, path: Path) -> None:
         """Refuse to run on anything but what the policy was trained on.
@@ -74,7 +85,7 @@ class PolicyCard:
         pairs = (
             ("robot", self.robot, robot.name),
             ("joints", self.joints, robot.policy_joint_names),
-            ("observation layout", self.observation, layout(robot.policy_joints, self.past)),
+            ("observation layout", self.observation, self._layout(robot.policy_joints)),
             ("action scale", self.action_scale_rad, robot.action_scale_rad),
             ("default pose", self.default_joint_rad, default_rad),
             ("rate", self.rate_hz, RATE_HZ),
@@ -87,11 +98,14 @@ class PolicyCard:
                     f"policy was trained with {what} {trained!r}, this robot has {given!r}; "
                     "train it again (make train-gait)",
                 )
-        for name, given, valid in _gait_sizes(self.gait, len(robot.joints)):
+        sizes = _gait_sizes(self.gait, len(robot.joints))
+        if self.footing:
+            sizes += _footing_sizes(self.footing, len(self.gait.foot_offsets), len(robot.joints))
+        for name, given, valid in sizes:
             if given not in valid:
                 shapes = " or ".join("×".join(map(str, shape)) for shape in valid)
                 raise PolicyMismatchError(
-                    path, f"gait.{name} is {'×'.join(map(str, given))}; valid: {shapes}"
+                    path, f"{name} is {'×'.join(map(str, given))}; valid: {shapes}"
                 )
 
 
@@ -114,7 +128,21 @@ def _gait_sizes(gait: GaitClock, joints: int) -> list[tuple[str, Shape, tuple[Sh
         "aim": aim[:1],
         "aim_limits": aim[1:],
     }
-    return [(name, _shape(getattr(gait, name)), shapes) for name, shapes in valid.items()]
+    return [(f"gait.{name}", _shape(getattr(gait, name)), shapes) for name, shapes in valid.items()]
+
+
+def _footing_sizes(
+    footing: Footing, feet: int, joints: int
+) -> list[tuple[str, Shape, tuple[Shape, ...]]]:
+    """Return the same of a footing's tables."""
+    rows, columns = len(footing.scan_x_m), len(footing.scan_y_m)
+    valid = {
+        "scan_x_m": (max(rows, 3),),
+        "scan_y_m": (max(columns, 1),),
+        "leg_m": (3,),
+        "reach_rad": (feet * len(POWERS), joints),
+    }
+    return [(f"footing.{n}", _shape(getattr(footing, n)), (shape,)) for n, shape in valid.items()]
 
 
 def _shape(values: tuple[Any, ...]) -> Shape:
@@ -136,6 +164,7 @@ def load_card(path: Path) -> PolicyCard:
     values = read_json_object(path)
     try:
         values.setdefault("speed_rad_s", ())
+        footing = values.setdefault("footing", None)
         values = {f.name: values[f.name] for f in fields(PolicyCard)}
         gait = values["gait"]
         for key in ("foot_offsets", "stand_rad"):
@@ -143,6 +172,8 @@ def load_card(path: Path) -> PolicyCard:
         for key in (*_ROWS, "turn_rad", "foot_xy_m", *_AIM):
             gait[key] = tuple(tuple(row) for row in gait.get(key, ()))
         values["gait"] = GaitClock(**gait)
+        if footing is not None:
+            values["footing"] = Footing.of(footing)
         values["observation"] = [(str(n), int(w)) for n, w in values["observation"]]
         for key in ("joints", "default_joint_rad", "kp", "kd", "torque_nm", "speed_rad_s"):
             values[key] = tuple(values[key])

@@ -10,9 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....formats.core.arrays import Array
+from ....formats.core.arrays import Array, Mask
 from ....formats.process.kernel import called, kernel
 from ...robots import RobotHandles
+from .footing import Footing
 
 
 @dataclass(frozen=True)
@@ -66,11 +67,12 @@ def body_width(joints: int) -> int:
     return 9 + 2 * joints
 
 
-def layout(joints: int, past: int = 0) -> list[tuple[str, int]]:
+def layout(joints: int, past: int = 0, footing: Footing | None = None) -> list[tuple[str, int]]:
     """Return the names and widths of the blocks of one observation, in order.
 
     The last three blocks are repeated for each of the `past` policy steps before, the latest first:
     the motors' commands and movements, from which a network finds out how late they are.
+    With a `footing` the ground comes last, and gravity and joints are those over level ground.
     """
     now = [
         ("linear_velocity_base_m_s", 3),
@@ -82,14 +84,21 @@ def layout(joints: int, past: int = 0) -> list[tuple[str, int]]:
         ("joint_velocity_rad_s", joints),
         ("previous_action", joints),
     ]
-    return now + [
+    before = [
         (f"{name}_{step}_ago", width) for step in range(1, past + 1) for name, width in now[-3:]
     ]
+    ground = [("slope", 1), ("height_scan_m", footing.width - 1)] if footing else []
+    return now + before + ground
 
 
 def past_steps(blocks: list[tuple[str, int]]) -> int:
     """Return how many earlier steps the blocks of a `layout` repeat."""
     return sum(name.startswith("previous_action_") for name, _ in blocks)
+
+
+def present(blocks: list[tuple[str, int]]) -> Mask:
+    """Return which numbers of an observation are no earlier steps', (D,)."""
+    return np.concatenate([np.full(width, not name.endswith("_ago")) for name, width in blocks])
 
 
 @called()

@@ -16,6 +16,7 @@ from ....formats.untrusted.files import read_input
 from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .estimator import StateEstimator
+from .footing import Ground
 from .network import Mlp, Network, decode_layers
 from .onnx_runtime import OnnxNetwork
 from .sensors import SensorErrors, Sensors, Simulation
@@ -138,12 +139,18 @@ class GaitPolicy:
         return step
 
     def steps(
-        self, simulation: Simulation, model: mujoco.MjModel, handles: RobotHandles, seed: int | None
+        self,
+        simulation: Simulation,
+        model: mujoco.MjModel,
+        handles: RobotHandles,
+        seed: int | None,
+        ground: Ground | None = None,
     ) -> GaitStep:
         """Return the step of N robots in one simulation.
 
         Args:
             seed: see `reset`.
+            ground: what a footing sees; level when None.
 
         Raises:
             InputError: no state can be estimated of such legs; see `Legs.of`.
@@ -160,6 +167,9 @@ class GaitPolicy:
             self.robot.command_limits,
             past=card.past,
             sensed=sensed,
+            footing=card.footing,
+            ground=ground,
+            sees_ground=card.sees_ground,
         )
 
     def infer(self, observation: Array) -> Array:

@@ -32,8 +32,10 @@ from ..runtime.policy import GaitPolicy
 from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
-from .correction import PAST, Corrected, Correction, Samples, beside
-from .export import install, layers_of, plain_card
+from .base import layers_of
+from .beside import beside
+from .correction import PAST, Corrected, Correction, Samples
+from .export import install, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
 
 log = logging.getLogger(__name__)

@@ -36,7 +36,7 @@ class TrainingConfig:
 
     Attributes:
         envs, steps: parallel simulations and policy steps per PPO iteration.
-        terrain: `flat`, or `rough` (a mix of flat, noise up to 6 cm, steps of 2–5 cm).
+        terrain: `flat`, `rough` (a mix of flat, noise up to 6 cm, steps of 2–5 cm), or `stairs`.
         episode_s: longest episode.
         command_s: range of times between new commands.
         command_margin: commands are drawn from the robot's limits times this.
@@ -199,7 +199,8 @@ def _polish(flat: TrainingConfig) -> TrainingConfig:
 
 
 # Phases of training, in order: settings and PPO iterations.
-PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
+Phases = tuple[tuple[TrainingConfig, int], ...]
+PHASES: dict[str, Phases] = {
     "aliengo": (
         (TrainingConfig(), 450),
         (_hard(ALIENGO_FLAT), 120),
@@ -208,3 +209,26 @@ PHASES: dict[str, tuple[tuple[TrainingConfig, int], ...]] = {
     "h1": ((H1_FLAT, 550), (_hard(H1_FLAT), 400), (_polish(H1_FLAT), 150)),
     "g1": ((G1_FLAT, 450), (_hard(G1_FLAT), 350), (_polish(G1_FLAT), 150)),
 }
+
+# On stairs the reference knows how high feet go.
+_STAIRS = TrainingConfig(
+    terrain="stairs",
+    episode_s=12.0,
+    rewards=RewardWeights(
+        track_linear_mean=2.5,
+        base_height=-10.0,
+        vertical_velocity=-1.0,
+        contact_schedule=0.5,
+        swing_height=0.0,
+        stand_pose=-0.3,
+    ),
+    linear_mean_widths=(0.01, 0.09),
+    command_margin=1.0,
+    friction=(0.5, 1.2),
+    push_m_s=0.5,
+    fall_slack=1.2,
+    init_std=0.2,
+    entropy=0.001,
+    kl=0.012,
+)
+STAIRS: Phases = ((_STAIRS, 4000),)

@@ -122,6 +122,20 @@ class Stance:
         self._reset()
         return offsets
 
+    def anchors_m(self, leg: Leg) -> Array:
+        """Return where a leg's joints are in the default pose, (n, 3) [m]."""
+        joints = self.model.dof_jntid[self.handles.joint_dof[leg.columns]]
+        return self.data.xanchor[joints].copy()
+
+    def lift_m(self, leg: Leg, offsets_rad: Array) -> float:
+        """Return how much joint offsets (J,) raise a leg's foot [m]."""
+        local = self.data.xmat[leg.body].reshape(3, 3).T @ (leg.place_m - self.data.xpos[leg.body])
+        self.data.qpos[self.handles.joint_qpos] += offsets_rad
+        mujoco.mj_kinematics(self.model, self.data)
+        place = self.data.xpos[leg.body] + self.data.xmat[leg.body].reshape(3, 3) @ local
+        self._reset()
+        return float(place[2] - leg.place_m[2])
+
     def slope(self, leg: Leg, motion: Array) -> Array:
         """Return offsets (J,) [rad] per unit of a foot's motion (4,): x, y, z [m] and yaw [rad].
 

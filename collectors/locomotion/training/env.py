@@ -13,14 +13,17 @@ from tensordict import TensorDict
 from ....formats.core.arrays import Array, Mask
 from ...robots import POLICY_DECIMATION, RobotHandles, RobotSpec, apply_physics_options
 from ...robots.parts import UNLIMITED
-from ..runtime.observation import layout, states_of
+from ..runtime.observation import layout, present, states_of
 from ..runtime.step import GaitStep
 from ..trials.pipe import TargetPipe
 from ..trials.terrain import Terrain
-from ..trials.trial import STEP_S, fallen
+from ..trials.trial import STEP_S, fallen, levelled
+from .base import Base
 from .config import TrainingConfig
+from .course import course
 from .mirror import Symmetry
 from .randomize import draw_latency, randomize_models
+from .reach import footing
 from .recipes import recipe
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .schedule import Schedule
@@ -47,9 +50,17 @@ class GaitEnv(VecEnv):
         terrain: Terrain,
         rng: np.random.Generator,
         threads: int,
+        base: Base | None = None,
     ) -> None:
+        """Build the simulations.
+
+        Args:
+            base: a gait whose actions those of the policy are added to; none when None.
+        """
         self.robot, self.config, self.terrain, self.rng = robot, config, terrain, rng
-        self.gait = recipe(robot).gait
+        self.base, self.gait = base, base.card.gait if base else recipe(robot).gait
+        self.footing = footing(robot, self.gait) if terrain.lanes else None
+        self.course = course(terrain, config.envs, rng)
         self.cfg = asdict(config)
         self.device = "cpu"
         self.num_envs, self.num_actions = config.envs, robot.policy_joints
@@ -58,7 +69,7 @@ class GaitEnv(VecEnv):
         model = build_training_model(robot, terrain)
         self.handles = RobotHandles.find(robot, model)
         self._sole_radius = self.handles.sole_radius_m
-        self.symmetry = Symmetry.of(robot)
+        self.symmetry = Symmetry.of(robot, 0, self.footing)
         self._default = robot.default_joint_rad
         self.batch = Batch(model, config.envs, threads)
         self.physical = randomize_models(self.batch, self.handles, config, rng)
@@ -67,9 +78,10 @@ class GaitEnv(VecEnv):
         self._com = self.batch.bind("subtree_com")
         self._force = self.batch.bind("actuator_force")
         self._sensors = self.batch.bind("sensordata")
-        self._noise = np.concatenate(
-            [np.full(w, config.noise.get(name, 0.0)) for name, w in layout(self.num_actions)]
-        )
+        past = base.card.past if base else 0
+        blocks = layout(self.num_actions, past, self.footing)
+        self._noise = np.concatenate([np.full(w, config.noise.get(n, 0.0)) for n, w in blocks])
+        self._present = present(blocks)
         self._body = BodyFacts(
             base_height_m=robot.base_height_m,
             default_joint_rad=self._default[: robot.policy_joints],
@@ -85,17 +97,18 @@ class GaitEnv(VecEnv):
         self._schedule = Schedule(robot, config, rng)
         # Control vectors follow the model's actuator order, which is the policy's here.
         self._ctrl_order = np.argsort(self.handles.actuators)
-        self._allocate()
+        self._allocate(past)
         self._reset(np.arange(self.num_envs))
         self._step.observe(np.zeros(3))
 
-    def _allocate(self) -> None:
+    def _allocate(self, past: int) -> None:
         n, j, f = self.num_envs, self.num_actions, len(self.robot.feet)
         self._previous, self._older = np.zeros((n, j)), np.zeros((n, j))
         self._pipe.fill(np.tile(self._default, (n, 1)))
         self._step = GaitStep(
-            self._qpos, self._qvel, self.handles, self.gait, UNLIMITED, dtype=np.float64
-        )
+            self._qpos, self._qvel, self.handles, self.gait, UNLIMITED, dtype=np.float64,
+            past=past, footing=self.footing, ground=self.course.ground,
+        )  # fmt: skip
         self._linear_mean, self._yaw_mean = np.zeros((n, 2)), np.zeros(n)
         self._foot_position, self._joint_velocity = np.zeros((n, f, 3)), np.zeros((n, j))
         self._foot_contact = np.ones((n, f), dtype=bool)
@@ -107,7 +120,7 @@ class GaitEnv(VecEnv):
     def get_observations(self) -> TensorDict:
         """Return the observations: group `policy` (noisy) and group `privileged` (critic only)."""
         clean = self._step.observation
-        noisy = clean + self._noise * self.rng.uniform(-1, 1, clean.shape)
+        self._noisy = noisy = clean + self._noise * self.rng.uniform(-1, 1, clean.shape)
         privileged = np.concatenate(
             [
                 self._linear_mean,
@@ -122,7 +135,7 @@ class GaitEnv(VecEnv):
         )
         return TensorDict(
             {
-                "policy": torch.from_numpy(noisy.astype(np.float32)),
+                "policy": torch.from_numpy(noisy[:, self._present].astype(np.float32)),
                 "privileged": torch.from_numpy(privileged.astype(np.float32)),
             },
             batch_size=[self.num_envs],
@@ -134,13 +147,11 @@ class GaitEnv(VecEnv):
         A critic may know it: the next command and the next kick, weighted by how near they are,
         and the heights around the robot. Without it, advantages are mostly noise.
         """
-        q = self.handles.root_qpos
-        w, x, y, z = self._qpos[:, q + 3 : q + 7].T
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        cosine, sine = np.cos(yaw), np.sin(yaw)
+        pose = self._step.pose
+        cosine, sine = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         to_world = np.stack([cosine, -sine, sine, cosine], axis=-1).reshape(-1, 2, 2)
         kick = np.einsum("nij,ni->nj", to_world, self._schedule.kick)
-        around = self._qpos[:, None, q : q + 2] + np.einsum("nij,kj->nki", to_world, AROUND_XY_M)
+        around = pose[:, None, :2] + np.einsum("nij,kj->nki", to_world, AROUND_XY_M)
         heights = self.terrain.at(around)
         heights -= heights.mean(axis=1, keepdims=True)
         return np.concatenate([self._schedule.future(self._age, kick), 10.0 * heights], axis=1)
@@ -149,7 +160,10 @@ class GaitEnv(VecEnv):
         """Return one policy step of every simulation; see `rsl_rl.env.VecEnv.step`."""
         self._older, self._previous = self._previous, self._step.action.copy()
         # Each simulation applies the new target some physics steps late.
-        target = self._step.targets(actions.numpy(), self.config.action_clip)
+        action = actions.numpy()
+        if self.base is not None:
+            action = action + self.base.act(self._noisy)
+        target = self._step.targets(action, self.config.action_clip)
         control = self._pipe.push(target)
         self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
         self._age += 1
@@ -160,8 +174,8 @@ class GaitEnv(VecEnv):
 
         fell = self._fallen(facts)
         expired = self._age >= self.max_episode_length
-        left = np.max(np.abs(self._qpos[:, :2]), axis=1) > self.terrain.half_m
-        time_out = (expired | left) & ~fell
+        pose = self._step.pose
+        time_out = (expired | self.course.left(pose)) & ~fell
         self._note(facts, terms, fell, reward)
         done = fell | time_out
         self._schedule.change_commands(self._age)
@@ -169,7 +183,9 @@ class GaitEnv(VecEnv):
         v = self.handles.root_dof
         self._qvel[kicked, v : v + 2] += self.push_scale * kicks
         if done.any():
+            self.course.finish(np.flatnonzero(done), pose, fell)
             self._reset(np.flatnonzero(done))
+        self.course.steer(self._schedule.target, self._step.pose)
         self._step.observe(self._schedule.target)
         self.episode_length_buf = torch.from_numpy(self._age.copy())
         return (
@@ -202,6 +218,9 @@ class GaitEnv(VecEnv):
         self._foot_contact = self._sensors[:, self.handles.foot_touch] > 1.0
         base = self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3]
         self._height = base[:, 2] - self.terrain.at(position[..., :2]).mean(axis=1)
+        joint_rad = state.joint_rad
+        if self.footing is not None:
+            joint_rad = joint_rad - self._step.footholds.shown[0, :, : self.num_actions]
         acceleration = (state.joint_rad_s - self._joint_velocity) / STEP_S
         self._joint_velocity = state.joint_rad_s.copy()
         return StepFacts(
@@ -211,10 +230,10 @@ class GaitEnv(VecEnv):
             angular_velocity=angular,
             linear_mean=self._linear_mean,
             yaw_mean=self._yaw_mean,
-            gravity=state.gravity,
+            gravity=levelled(state.gravity, self.terrain, self._step.pose),
             height_m=self._height,
             torque_nm=self._force[:, self.handles.actuators[: self.num_actions]],
-            joint_rad=state.joint_rad,
+            joint_rad=joint_rad,
             joint_rad_s=state.joint_rad_s,
             joint_acceleration=acceleration,
             action=self._step.action,
@@ -235,13 +254,11 @@ class GaitEnv(VecEnv):
         n, rng, h = len(ids), self.rng, self.handles
         self.batch.reset(ids, stage=mujoco.mjtStage.mjSTAGE_NONE)
         q, v = h.root_qpos, h.root_dof
-        reach = min(self.terrain.half_m - 1.0, 10.0)
-        xy = rng.uniform(-reach, reach, (n, 2))
+        xy, yaw = self.course.place(ids)
         around = xy[:, None] + rng.uniform(-0.35, 0.35, (n, 16, 2))
         self._qpos[ids, q : q + 2] = xy
         ground = self.terrain.at(around).max(axis=1)
         self._qpos[ids, q + 2] = ground + self.robot.spawn_height_m + rng.uniform(-0.03, 0.02, n)
-        yaw = rng.uniform(-np.pi, np.pi, n)
         half = np.stack([np.cos(yaw / 2), np.zeros(n), np.zeros(n), np.sin(yaw / 2)], axis=1)
         self._qpos[ids, q + 3 : q + 7] = half
         joints = self._default + rng.uniform(-0.12, 0.12, (n, len(self._default)))

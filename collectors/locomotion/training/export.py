@@ -14,10 +14,13 @@ from ....formats.core.arrays import Array
 from ....formats.core.atomic import write_bytes
 from ...robots import RobotSpec
 from ..runtime.card import PolicyCard, load_card, save_card
+from ..runtime.footing import Footing
 from ..runtime.gait import RATE_HZ
-from ..runtime.network import decode_layers, encode_layers
-from ..runtime.observation import layout
+from ..runtime.network import encode_layers
+from ..runtime.observation import layout, present
 from ..runtime.policy import policy_files
+from .base import Base
+from .beside import beside
 from .config import TrainingConfig
 from .mirror import Symmetry
 from .recipes import recipe
@@ -72,13 +75,6 @@ def with_mirror_image(
     return weights, [*joined, 0.5 * (biases[-1] + done @ biases[-1])]
 
 
-def layers_of(robot: RobotSpec, folder: Path | None = None) -> tuple[list[Array], list[Array]]:
-    """Return the weights and biases of the gait in a folder, float64; default the installed one."""
-    path = policy_files(robot, folder)[0]
-    weights, biases = decode_layers(path, path.read_bytes())
-    return [w.astype(np.float64) for w in weights], [b.astype(np.float64) for b in biases]
-
-
 def _matrix(order: torch.Tensor, signs: torch.Tensor) -> Array:
     """Return the matrix M of (M v)[i] = signs[i] v[order[i]]."""
     return np.eye(len(order))[order.numpy()] * signs.numpy()[:, None]
@@ -90,14 +86,27 @@ def write_policy(
     actor: torch.nn.Module,
     training: dict[str, Any],
     folder: Path,
+    base: Base | None = None,
+    footing: Footing | None = None,
 ) -> None:
     """Write `<robot>.safetensors` and `<robot>.json` (without an evaluation yet) into `folder`."""
-    content = encode_actor(actor, Symmetry.of(robot))
+    blocks = layout(robot.policy_joints, base.card.past if base else 0, footing)
+    if base is None:
+        content = encode_actor(actor, Symmetry.of(robot))
+    else:
+        normalizer = actor.obs_normalizer
+        std = _float64(normalizer.std) + normalizer.eps
+        weights, biases = folded_layers(actor.mlp, _float64(normalizer.mean), std)
+        weights, biases = with_mirror_image(weights, biases, Symmetry.of(robot, 0, footing))
+        seen = present(blocks)
+        first = np.zeros((len(weights[0]), len(seen)))
+        first[:, seen] = weights[0]
+        content = encode_layers(*beside(base.layers, ([first, *weights[1:]], biases)))
     speeds = (joint.speed_rad_s for joint in robot.joints)
     card = PolicyCard(
         robot=robot.name,
         physics_hash=robot.physics_hash(),
-        observation=layout(robot.policy_joints),
+        observation=blocks,
         joints=robot.policy_joint_names,
         action_scale_rad=robot.action_scale_rad,
         action_clip=config.action_clip,
@@ -107,7 +116,8 @@ def write_policy(
         torque_nm=tuple(joint.torque_nm for joint in robot.joints),
         speed_rad_s=tuple(s if math.isfinite(s) else None for s in speeds),
         rate_hz=RATE_HZ,
-        gait=recipe(robot).gait,
+        gait=base.card.gait if base else recipe(robot).gait,
+        footing=footing,
         network_sha256="",
         training=training,
         evaluation={},

@@ -12,6 +12,7 @@ from tensordict import TensorDict
 
 from ....formats.core.errors import InputError
 from ...robots import RobotHandles, RobotSpec
+from ..runtime.footing import Footing
 from ..runtime.observation import layout
 
 # Signs of the vector blocks under a reflection of y; rates are axial vectors.
@@ -57,16 +58,26 @@ def mirror_joints(robot: RobotSpec) -> tuple[list[int], list[int]]:
     return order.tolist(), signs.tolist()
 
 
-def mirror_observation(robot: RobotSpec, past: int = 0) -> tuple[list[int], list[int]]:
+def mirror_observation(
+    robot: RobotSpec, past: int = 0, footing: Footing | None = None
+) -> tuple[list[int], list[int]]:
     """Return the permutation and signs that mirror whole observations of `layout(…, past)`."""
     order: list[int] = []
     signs: list[int] = []
     joint_order, joint_signs = mirror_joints(robot)
-    for name, width in layout(robot.policy_joints, past):
+    for name, width in layout(robot.policy_joints, past, footing):
         start = len(order)
         if name in _BLOCK_SIGNS:
             order += range(start, start + width)
             signs += _BLOCK_SIGNS[name]
+        elif name == "slope":
+            order.append(start)
+            signs.append(1)
+        elif footing is not None and name == "height_scan_m":
+            # Columns lie from right to left.
+            columns = np.arange(width).reshape(len(footing.scan_y_m), -1)[::-1]
+            order += (start + columns.ravel()).tolist()
+            signs += [1] * width
         else:
             order += [start + i for i in joint_order]
             signs += joint_signs
@@ -83,10 +94,10 @@ class Symmetry:
     joint_signs: torch.Tensor
 
     @classmethod
-    def of(cls, robot: RobotSpec, past: int = 0) -> Symmetry:
+    def of(cls, robot: RobotSpec, past: int = 0, footing: Footing | None = None) -> Symmetry:
         """Look the robot's mirror images up, once, for observations that repeat `past` steps."""
         tensors = []
-        for order, signs in (mirror_observation(robot, past), mirror_joints(robot)):
+        for order, signs in (mirror_observation(robot, past, footing), mirror_joints(robot)):
             tensors += [torch.tensor(order), torch.tensor(np.asarray(signs, dtype=np.float32))]
         return cls(*tensors)
 

@@ -2,6 +2,8 @@
 
 `python -m vlnpe.collectors.locomotion.training.train aliengo [--publish]`
 
+`--terrain stairs` trains what a gait lacks to climb stairs, on top of its footing (`footing.py`).
+
 Writes `checkpoint.pt`, `curve.csv` and, at each checkpoint, the policy and its card into the
 output folder; `--publish` evaluates the result and installs it, a robot of one's own in its folder.
 """
@@ -12,7 +14,7 @@ import time
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -22,13 +24,15 @@ from rsl_rl.runners import OnPolicyRunner
 from ....formats.core.atomic import atomic_file
 from ....formats.core.errors import VlnpeError
 from ...robots import RobotSpec, get_robot
-from ..trials.terrain import Terrain, rough_terrain
-from .config import ppo_config
+from ..trials.terrain import Terrain, rough_terrain, stairs_terrain
+from .base import Base
+from .config import STAIRS, Phases, ppo_config
 from .env import GaitEnv
 from .export import write_policy
 from .recipes import recipe
 
 log = logging.getLogger(__name__)
+RISERS_M, GOINGS_M, LANES, STEPS = (0.05, 0.19), (0.25, 0.31), 12, 7  # of stairs
 CHUNK = 10  # iterations per line of the learning curve
 
 
@@ -39,7 +43,11 @@ class Arguments:
     Attributes:
         robot: registry name, or the folder of a robot of one's own that has a table [gait] in
             robot.toml.
-        out: folder of checkpoints and learning curve; default `runs/gait-<robot>`.
+        out: folder of checkpoints and learning curve; default `runs/gait-<robot>`, on stairs
+            `runs/stairs-<robot>`.
+        terrain: level, for a gait from scratch; or stairs, for what is added to a finished gait so
+            that it climbs.
+        start: folder of that gait; default the installed one.
         seed: random seed of the training.
         threads: number of threads for physics.
         device: where PyTorch learns: cpu, cuda.
@@ -49,6 +57,8 @@ class Arguments:
 
     robot: tyro.conf.Positional[str]
     out: Path | None = None
+    terrain: Literal["level", "stairs"] = "level"
+    start: Path | None = None
     seed: int = 0
     threads: int = 2
     device: str = "cpu"
@@ -64,8 +74,8 @@ def run(arguments: Arguments) -> None:
         InputError: it does not walk, or does not say how it steps.
     """
     robot = get_robot(arguments.robot)
-    recipe(robot)
-    out = arguments.out or Path("runs") / f"gait-{robot.name}"
+    stairs = arguments.terrain == "stairs"
+    out = arguments.out or Path("runs") / f"{'stairs' if stairs else 'gait'}-{robot.name}"
     train(robot, out, arguments)
     if arguments.publish:
         # Late, because it needs more than training does.
@@ -83,7 +93,10 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
     first = 0
-    for number, (phase, planned) in enumerate(recipe(robot).phases):
+    stairs = arguments.terrain == "stairs"
+    base = Base.load(robot, arguments.start) if stairs else None
+    phases = STAIRS if stairs else recipe(robot).phases
+    for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
             progress = torch.load(checkpoint, map_location="cpu", weights_only=True)["infos"]
@@ -94,17 +107,20 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
         log.info("phase %d: %s terrain, iterations %d to %d", number, phase.terrain, done, last)
         rng = np.random.default_rng([seed, number, done])
         torch.manual_seed(seed + done)
-        terrain = rough_terrain(rng) if phase.terrain == "rough" else Terrain()
-        env = GaitEnv(robot, phase, terrain, rng, arguments.threads)
+        env = GaitEnv(robot, phase, ground(phase.terrain, rng), rng, arguments.threads, base)
         settings = {**ppo_config(phase, seed), "multi_gpu": None}
         runner = OnPolicyRunner(env, settings, device=arguments.device)
         if checkpoint.exists():
             runner.load(str(checkpoint))
+        elif base is not None:
+            # At first nothing is added to the gait that is there.
+            for parameter in runner.alg.get_policy().mlp[-1].parameters():
+                torch.nn.init.zeros_(parameter)
         while done < last:
             started = time.monotonic()
             # Robots first learn to walk, then to walk smoothly and to be kicked.
             env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
-            env.smoothness_scale = min(1.0, 0.2 + done / 300)
+            env.smoothness_scale = 1.0 if base else min(1.0, 0.2 + done / 300)
             count = min(CHUNK, last - done)
             runner.learn(count)
             done += count
@@ -115,17 +131,25 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
             with atomic_file(checkpoint) as temporary:
                 runner.save(str(temporary), progress)
             if done % 50 == 0 or done == last:
-                facts = _facts(robot, seed, progress)
-                write_policy(robot, phase, runner.alg.get_policy(), facts, out)
+                facts = _facts(phases, seed, progress)
+                write_policy(robot, phase, runner.alg.get_policy(), facts, out, base, env.footing)
         first = last
 
 
-def _facts(robot: RobotSpec, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
+def ground(kind: str, rng: np.random.Generator) -> Terrain:
+    """Return the ground that a phase of training names: flat, rough or stairs."""
+    if kind == "stairs":
+        risers = np.linspace(*RISERS_M, LANES)
+        return stairs_terrain(risers, rng.uniform(*GOINGS_M, LANES), STEPS)
+    return rough_terrain(rng) if kind == "rough" else Terrain()
+
+
+def _facts(phases: Phases, seed: int, progress: dict[str, Any]) -> dict[str, Any]:
     return {
         "algorithm": "PPO (rsl-rl-lib) over mujoco.batch",
         "seed": seed,
         **progress,
-        "phases": [{**asdict(p), "iterations": count} for p, count in recipe(robot).phases],
+        "phases": [{**asdict(p), "iterations": count} for p, count in phases],
         "versions": {name: version(name) for name in ("mujoco", "rsl-rl-lib", "torch")},
     }
 
@@ -142,6 +166,8 @@ def _write_curve(
         **{name: round(float(np.mean(v)), 5) for name, v in env.statistics.items()},
     }
     env.statistics.clear()
+    news = env.course.news()
+    row |= news
     log.info(
         "%5d  %5.1f M  %6.0f s  reward %6.3f  error %.3f m/s %.3f rad/s  falls/min %.2f",
         done,
@@ -152,6 +178,9 @@ def _write_curve(
         row["yaw_error"],
         row["falls_per_minute"],
     )
+    shares = [(k.removeprefix("climbed_"), v) for k, v in news.items() if k.startswith("climbed_")]
+    if shares:
+        log.info("       climbed  %s", "  ".join(f"{name} {share:.0%}" for name, share in shares))
     fresh = not path.exists()
     with path.open("a", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(row))

@@ -20,8 +20,10 @@ from ...robots import RobotSpec, get_robot
 from ..runtime.card import save_card
 from ..runtime.policy import GaitPolicy, policy_files
 from ..state import State
+from ..training.reach import footing
 from .aim import calibrated
 from .driven import action_errors, follow_paths
+from .flights import flights
 from .gates import CLOSED_LOOP, TIMED, gate_results
 from .measures import (
     command_grid,
@@ -83,6 +85,8 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     for friction in (0.4, 0.8) if policy.estimates else ():
         conditions = Conditions(friction=friction)
         table[f"estimate_friction_{friction:g}"] = velocity_errors(policy, grid, conditions, rng)
+    if policy.card.footing:
+        table |= flights(policy, many, rng)
     return table
 
 
@@ -124,7 +128,17 @@ def report(evaluation: dict[str, Any]) -> str:
         f"  (discrete actions of 0.25 s each, 90 %: {timed['position_p90_m']:.3f} m, "
         f"{timed['heading_p90_deg']:.1f}°, {timed['falls']} of {timed['robots']} robots fell)"
     )
-    return "\n".join(lines)
+    return "\n".join([*lines, *filter(None, [climbed(evaluation)])])
+
+
+def climbed(evaluation: dict[str, Any]) -> str:
+    """Return the flights of an evaluation table, one line each riser."""
+    return "\n".join(
+        f"{name.removeprefix('flights_'):>5}  up {row['up_arrived']:.0%}, {row['up_falls']} fell; "
+        f"down {row['down_arrived']:.0%}, {row['down_falls']} fell; {row['flights']} flights each"
+        for name, row in evaluation.items()
+        if name.startswith("flights_")
+    )
 
 
 def main(
@@ -133,6 +147,7 @@ def main(
     scale: float = 1.0,
     seed: int = SEED,
     state: State = "true",
+    stairs: bool = False,
     publish_it: Annotated[bool, tyro.conf.arg(name="publish")] = False,
 ) -> None:
     """Measure a policy and print its evaluation table and its gates.
@@ -143,10 +158,19 @@ def main(
         seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
         state: true, or estimated from the robot's sensors.
+        stairs: test flights of stairs alone; a gait without a footing gets the one with which
+            training on stairs begins.
         publish_it: install the policy, with its table.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
+    if stairs:
+        gait = GaitPolicy.load(spec, policy)
+        if gait.card.footing is None:
+            gait = gait.changed(spec, replace(gait.card, footing=footing(spec, gait.card.gait)))
+        count = max(2, round(50 * scale))
+        log.info("%s", climbed(flights(gait, count, np.random.default_rng(seed))))
+        return
     if publish_it:
         evaluation = publish(spec, policy, None, scale, state)
     else:

@@ -1,12 +1,39 @@
 """Ground to train and to test gaits on."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from ....formats.core.arrays import Array
+from ....formats.core.arrays import Array, Mask
+
+
+class Block(NamedTuple):
+    """A box that stands on the plane: its sides and its height [m]."""
+
+    x_m: tuple[float, float]
+    y_m: tuple[float, float]
+    z_m: float
+
+
+class Lane(NamedTuple):
+    """Flights up and down again in a strip along x.
+
+    Attributes:
+        y_m: its middle.
+        riser_m, going_m: of all its flights.
+        foot_m: (K,) where each flight begins that leads up in the direction of x.
+        head_m: (K,) where those that lead down again end.
+    """
+
+    y_m: float
+    riser_m: float
+    going_m: float
+    foot_m: Array
+    head_m: Array
 
 
 @dataclass(frozen=True)
@@ -16,16 +43,25 @@ class Terrain:
     Attributes:
         height_m: (N, N) heights ≥ 0, row = y, column = x, or None.
         size_m: side of the square.
+        blocks: boxes on a plane that have these heights, with sharp edges; a height field if none.
+        lanes: stairs that these boxes are.
     """
 
     height_m: Array | None = None
     size_m: float = 0.0
+    blocks: tuple[Block, ...] = ()
+    lanes: tuple[Lane, ...] = ()
 
     def add_to(self, spec: mujoco.MjSpec) -> None:
         """Add the ground geom `floor`."""
-        if self.height_m is None:
+        if self.height_m is None or self.blocks:
             plane = mujoco.mjtGeom.mjGEOM_PLANE
             spec.worldbody.add_geom(name="floor", type=plane, size=[0.0, 0.0, 1.0])
+            for block in self.blocks:
+                low, high = np.array([block.x_m, block.y_m, (0.0, block.z_m)]).T
+                spec.worldbody.add_geom(
+                    type=mujoco.mjtGeom.mjGEOM_BOX, size=0.5 * (high - low), pos=0.5 * (low + high)
+                )
             return
         top = float(self.height_m.max())
         rows, columns = self.height_m.shape
@@ -114,3 +150,42 @@ def ramp_terrain(
     x = cell_m * np.arange(round(size_m / cell_m))
     profile = np.tan(np.deg2rad(angle_deg)) * (run_m - np.abs(x % (2 * run_m) - run_m))
     return Terrain(np.tile(profile, (len(x), 1)), size_m)
+
+
+LANE_M, FLAT_M, LANDING_M = 3.0, 2.0, 1.6
+EDGE_M = 0.02  # cells of the heights over flights
+
+
+def stairs_terrain(
+    risers_m: Sequence[float],
+    going_m: Sequence[float],
+    steps: int,
+    hills: int = 3,
+) -> Terrain:
+    """Return lanes of hills, each a flight of `steps` risers up and down again.
+
+    Lanes are level at their ends and between hills for `FLAT_M`, on top for `LANDING_M`.
+    """
+    lengths = [hills * (2 * (steps - 1) * g + LANDING_M + FLAT_M) + 2 * FLAT_M for g in going_m]
+    size_m = max(*lengths, LANE_M * len(risers_m)) + 2.0
+    cells = round(size_m / EDGE_M) + 1
+    height = np.zeros((cells, cells))
+    at = (np.arange(cells) / (cells - 1) - 0.5) * size_m
+    blocks, lanes = [], []
+    for k, (riser, going) in enumerate(zip(risers_m, going_m, strict=True)):
+        y = (k + 0.5 - 0.5 * len(risers_m)) * LANE_M
+        sides = (y - 0.5 * LANE_M, y + 0.5 * LANE_M)
+        run = 2 * (steps - 1) * going + LANDING_M
+        foot = (np.arange(hills) - 0.5 * (hills - 1)) * (run + FLAT_M) - 0.5 * run
+        for start in foot:
+            for step in range(steps):
+                ends = (start + step * going, start + run - step * going)
+                blocks.append(Block(ends, sides, (step + 1) * riser))
+                inside = np.ix_(_within(at, sides), _within(at, ends))
+                height[inside] = (step + 1) * riser
+        lanes.append(Lane(y, riser, going, foot, foot + run))
+    return Terrain(height, size_m, tuple(blocks), tuple(lanes))
+
+
+def _within(at: Array, ends: tuple[float, float]) -> Mask:
+    return (at >= ends[0]) & (at <= ends[1])

@@ -26,6 +26,7 @@ from .terrain import Terrain
 
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
 TOUCH_N = 1.0  # as in a rollout's record
+AHEAD_M = np.linspace(-0.5, 0.5, 26)  # of a base: where the slope of stairs is measured
 FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground with it
 
 
@@ -62,13 +63,28 @@ def fallen(gravity: Array, com_height_m: Array, fall: FallThresholds, slack: flo
     """Return which of N robots are beyond the thresholds, for roll and pitch times `slack`.
 
     Args:
-        gravity: (N, 3) unit vector downwards in the base frames.
+        gravity: (N, 3) unit vector downwards in the base frames; on a slope see `levelled`.
         com_height_m: (N,) height of the centre of mass above the lowest sole.
     """
     roll = np.abs(np.arctan2(-gravity[:, 1], -gravity[:, 2]))
     pitch = np.abs(np.arcsin(np.clip(gravity[:, 0], -1, 1)))
     low = com_height_m < fall.com_to_foot_m
     return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low
+
+
+def levelled(gravity: Array, terrain: Terrain, pose: Array) -> Array:
+    """Return gravity (N, 3) as robots would feel it if the stairs under them were level.
+
+    Stairs rise in the direction of robots at poses (N, 3) x, y [m], heading [rad]. Other ground is
+    taken as it is: its bumps are shorter than a robot.
+    """
+    if not terrain.blocks:
+        return gravity
+    ahead = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=-1)
+    height = terrain.at(pose[:, None, :2] + AHEAD_M[:, None] * ahead[:, None])
+    slope = np.arctan(height @ AHEAD_M / np.sum(AHEAD_M**2))
+    cosine, sine, (x, y, z) = np.cos(slope), np.sin(slope), gravity.T
+    return np.column_stack([cosine * x - sine * z, y, sine * x + cosine * z])
 
 
 class Trial:
@@ -135,7 +151,7 @@ class Trial:
             self._qpos, self._qvel, self._sensors, self.batch.bind("actuator_force")
         )
         seed = int(rng.integers(2**32)) if policy.estimates else None
-        self._step = policy.steps(simulation, model, h, seed)
+        self._step = policy.steps(simulation, model, h, seed, conditions.terrain)
         self._output = np.zeros(self._step.action.shape, dtype=np.float32)
         self._soles = self._look_at_soles() if watch_feet else None
         # As in a replay, the robot first settles on its feet.
@@ -252,7 +268,9 @@ class Trial:
         lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
         height = self._com[:, self.handles.root_body, 2] - lowest.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1)
-        return broken | fallen(self.state().gravity, height, self.policy.robot.fall)
+        terrain, pose = self.conditions.terrain, self._pose_of(self._qpos)
+        gravity = levelled(self.state().gravity, terrain, pose)
+        return broken | fallen(gravity, height, self.policy.robot.fall)
 
     def kick(self, robots: Mask, speed_m_s: float) -> None:
         """Add a velocity in a random direction to the bases of the robots marked in (N,)."""

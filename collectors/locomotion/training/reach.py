@@ -1,0 +1,67 @@
+"""How the legs of a robot reach footholds: polynomials fitted to its kinematics."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from ....formats.core.errors import InputError
+from ...robots import RobotSpec
+from ..runtime.footing import POWERS, Footing
+from ..runtime.gait import GaitClock
+from .derived import POINT_LEG, Stance
+
+# Shifts of a foot to fit to, ahead and above, and how much of its straight leg is used.
+AHEAD_M, ABOVE_M, GRID = 0.3, (-0.1, 0.22), 13
+LENGTHS = (0.33, 0.94)
+# A scan from behind the hind feet to more than one tread before the front feet.
+FIRST_M, SPACING_M, ROWS = -0.44, 0.04, 27
+CLEARANCE_M, PITCH_SHARE = 0.07, 1.0
+
+
+@cache
+def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
+    """Return how a robot's gait follows stairs.
+
+    Raises:
+        InputError: its legs have other than three joints.
+    """
+    stance = Stance(robot)
+    reach: list[list[float]] = []
+    heights, lengths, lifts = [], [], []
+    for foot, swing in enumerate(gait.swing_rad):
+        # A round sole rolls: its middle is what is put somewhere.
+        up = np.array([0.0, 0.0, stance.handles.sole_radius_m[foot].mean()])
+        leg = replace(stance.legs[foot], place_m=stance.legs[foot].place_m + up)
+        if len(leg.columns) != POINT_LEG:
+            raise InputError(
+                f"a leg of robot {robot.name} has {len(leg.columns)} joints; valid on stairs: "
+                f"{POINT_LEG}, abduction, hip and knee"
+            )
+        hip, knee = stance.anchors_m(leg)[1:]
+        height = float(hip[2] - leg.place_m[2])
+        length = float(np.linalg.norm(knee - hip) + np.linalg.norm(leg.place_m - knee))
+        least, most = (share * length for share in LENGTHS)
+        shifts = [
+            (ahead, above)
+            for ahead in np.linspace(-AHEAD_M, AHEAD_M, GRID)
+            for above in np.linspace(*ABOVE_M, GRID)
+            if least < np.hypot(ahead, height - above) < most
+        ]
+        offsets = [stance.reach(leg, np.array([ahead, 0.0, above])) for ahead, above in shifts]
+        terms = np.prod(np.array(shifts)[:, None] ** np.array(POWERS), axis=2)
+        solution, *_ = np.linalg.lstsq(terms, np.array(offsets), rcond=None)
+        reach += solution.round(4).tolist()
+        heights.append(height)
+        lengths.append(length)
+        lifts.append(stance.lift_m(leg, np.array(swing)))
+    return Footing(
+        scan_x_m=tuple(round(FIRST_M + SPACING_M * k, 3) for k in range(ROWS)),
+        scan_y_m=tuple(sorted({round(y, 4) for _, y in gait.foot_xy_m})),
+        base_height_m=robot.base_height_m,
+        step_m=round(float(np.mean(lifts)), 3),
+        clearance_m=CLEARANCE_M,
+        pitch_share=PITCH_SHARE,
+        leg_m=(float(np.mean(heights)), *(share * float(np.mean(lengths)) for share in LENGTHS)),
+        reach_rad=tuple(tuple(row) for row in reach),
+    )

@@ -1,0 +1,257 @@
+"""Gaits on stairs: the ground, the footing that follows it, flights, and training on them."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from vlnpe.collectors.locomotion.runtime.card import PolicyMismatchError, load_card, save_card
+from vlnpe.collectors.locomotion.runtime.footing import POWERS, Footing
+from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.step import GaitStep
+from vlnpe.collectors.locomotion.training.derived import Stance
+from vlnpe.collectors.locomotion.training.reach import footing
+from vlnpe.collectors.locomotion.trials.evaluate import climbed
+from vlnpe.collectors.locomotion.trials.flights import climb
+from vlnpe.collectors.locomotion.trials.terrain import Terrain, stairs_terrain
+from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial, levelled
+from vlnpe.collectors.robots import RobotHandles, get_robot
+from vlnpe.formats.core.errors import FileFormatError, InputError
+
+ALIENGO = get_robot("aliengo")
+
+
+@pytest.fixture(scope="module")
+def plain() -> GaitPolicy:
+    return GaitPolicy.load(ALIENGO)
+
+
+@pytest.fixture(scope="module")
+def footed(plain: GaitPolicy) -> GaitPolicy:
+    return plain.changed(ALIENGO, replace(plain.card, footing=footing(ALIENGO, plain.card.gait)))
+
+
+def ray_heights(terrain: Terrain, xy: np.ndarray) -> np.ndarray:
+    """What a ray from above hits in the compiled model."""
+    spec = mujoco.MjSpec()
+    terrain.add_to(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    down = np.array([0.0, 0.0, -1.0])
+    hit = np.zeros(1, np.int32)
+    return np.array(
+        [
+            9.0 - mujoco.mj_ray(model, data, np.array([x, y, 9.0]), down, None, 1, -1, hit)
+            for x, y in xy
+        ]
+    )
+
+
+def test_stairs_are_boxes_of_the_heights_that_are_looked_up():
+    terrain = stairs_terrain((0.08, 0.17), (0.25, 0.31), steps=6, hills=2)
+    lane = terrain.lanes[1]
+    # Every tread of a flight, 3 cm and more from its edges.
+    tread = np.arange(-1, 6)
+    x = lane.foot_m[1] + (tread + 0.5) * lane.going_m
+    on = np.column_stack([x, np.full(7, lane.y_m)])
+    np.testing.assert_allclose(terrain.at(on), 0.17 * (tread + 1), atol=1e-9)
+    rng = np.random.default_rng(0)
+    xy = rng.uniform(-0.5 * terrain.size_m, 0.5 * terrain.size_m, (400, 2))
+    low, high = (terrain.at(xy + shift) for shift in ((-0.03, -0.03), (0.03, 0.03)))
+    flat = low == high
+    assert flat.mean() > 0.6
+    np.testing.assert_allclose(ray_heights(terrain, xy[flat]), terrain.at(xy)[flat], atol=1e-9)
+
+
+def test_pitch_counts_against_the_slope_of_stairs():
+    terrain = stairs_terrain((0.17,), (0.29,), steps=8, hills=1)
+    middle = terrain.lanes[0].foot_m[0] + 3.5 * 0.29
+    slope = np.arctan2(0.17, 0.29)
+    pose = np.array([[middle, 0.0, 0.0], [middle, 0.0, np.pi]])
+    # Nose up along the flight, and nose down along it in the other direction.
+    gravity = np.array([[-np.sin(slope), 0, -np.cos(slope)], [np.sin(slope), 0, -np.cos(slope)]])
+    np.testing.assert_allclose(levelled(gravity, terrain, pose)[:, 0], 0.0, atol=0.05)
+    np.testing.assert_array_equal(levelled(gravity, Terrain(), pose), gravity)
+
+
+@pytest.mark.parametrize(
+    ("ahead", "above"), [(0.12, 0.05), (-0.2, -0.03), (0.0, 0.2), (-0.1, 0.15)]
+)
+def test_joint_offsets_put_feet_where_they_shall_be(
+    footed: GaitPolicy, ahead: float, above: float
+) -> None:
+    plan = footed.card.footing
+    assert plan is not None
+    reach = np.array(plan.reach_rad).reshape(4, len(POWERS), 12)
+    stance = Stance(ALIENGO)
+    data, joints = stance.data, stance.handles.joint_qpos
+    terms = np.prod(np.array([ahead, above]) ** np.array(POWERS), axis=1)
+    data.qpos[joints] += np.einsum("k,fkj->j", terms, reach)
+    mujoco.mj_kinematics(stance.model, data)
+    soles = data.geom_xpos[stance.handles.sole_geoms[:, 0]]
+    soles = soles - (0.0, 0.0, stance.handles.sole_radius_m[0, 0])
+    moved = soles - [leg.place_m for leg in stance.legs]
+    np.testing.assert_allclose(moved, np.tile((ahead, 0.0, above), (4, 1)), atol=0.006)
+
+
+def test_on_level_ground_a_footing_changes_nothing(plain: GaitPolicy, footed: GaitPolicy):
+    rng, robots = np.random.default_rng(1), 3
+    trials = [
+        Trial(
+            policy, Conditions(friction=0.8), np.zeros((robots, 2)), np.zeros(robots),
+            np.random.default_rng(2),
+        )
+        for policy in (plain, footed)
+    ]  # fmt: skip
+    for _ in range(100):
+        command = rng.uniform(-0.5, 0.5, (robots, 3))
+        for trial in trials:
+            trial.step(command)
+        np.testing.assert_array_equal(trials[0].qpos, trials[1].qpos)
+
+
+def test_feet_are_put_flat_on_treads(footed: GaitPolicy):
+    """A robot is moved along a flight by hand; its feet's next places lie on treads."""
+    terrain = stairs_terrain((0.15,), (0.28,), steps=10, hills=1)
+    model = ALIENGO.build_model()
+    handles, plan = RobotHandles.find(ALIENGO, model), footed.card.footing
+    data = mujoco.MjData(model)
+    handles.spawn(data)
+    qpos, qvel = data.qpos[None].copy(), np.zeros((1, model.nv))
+    step = GaitStep(
+        qpos, qvel, handles, footed.card.gait, ALIENGO.command_limits,
+        past=footed.card.past, footing=plan, ground=terrain, sees_ground=False,
+    )  # fmt: skip
+    chosen = []
+    for k in range(200):
+        qpos[0, 0] = terrain.lanes[0].foot_m[0] + 0.4 + 0.008 * k
+        step.observe(np.array([[0.4, 0.0, 0.0]]))
+        if step.clock.moving[0] and k > 20:
+            chosen.append(step.footholds.feet[0, :, 1].copy())
+    heights = np.array(chosen)
+    assert len(heights) > 150
+    # Each is the height of a tread, and all of the way up are used.
+    treads = heights / 0.15
+    np.testing.assert_allclose(treads, treads.round(), atol=1e-6)
+    assert set(range(3, 8)) <= set(treads.round().astype(int).ravel().tolist())
+    assert abs(np.arctan(step.footholds.slope[0]) - np.arctan2(0.15, 0.28)) < 0.06
+
+
+@pytest.mark.chain
+def test_a_footing_alone_climbs_where_the_plain_gait_does_not(
+    plain: GaitPolicy, footed: GaitPolicy
+):
+    with_it = climb(footed, 0.10, 6, np.random.default_rng(11))
+    without = climb(plain, 0.10, 6, np.random.default_rng(11))
+    assert min(with_it["up_arrived"], with_it["down_arrived"]) >= 5 / 6
+    assert with_it["up_falls"] + with_it["down_falls"] <= 1
+    assert without["down_arrived"] <= 0.5
+    text = climbed({"flights_10cm": with_it, "paths_flat": {}})
+    assert text.startswith(" 10cm  up") and "6 flights each" in text
+    assert len(text.splitlines()) == 1
+
+
+def test_a_card_keeps_its_footing_and_refuses_a_broken_one(footed: GaitPolicy, tmp_path: Path):
+    path = tmp_path / "aliengo.json"
+    save_card(footed.card, path)
+    card = load_card(path)
+    assert card.footing == footed.card.footing
+    card.check(ALIENGO, path)
+    values: dict[str, Any] = json.loads(path.read_text())
+    for change, error in (
+        ({"reach_rad": values["footing"]["reach_rad"][:-1]}, PolicyMismatchError),
+        ({"scan_x_m": [0.0]}, PolicyMismatchError),
+        ({"clearance_m": float("nan")}, FileFormatError),
+        ({"pace": 1}, FileFormatError),
+    ):
+        path.write_text(json.dumps(values | {"footing": values["footing"] | change}))
+        with pytest.raises(error, match=r"footing|pace"):
+            load_card(path).check(ALIENGO, path)
+
+
+def test_only_legs_of_three_joints_have_a_footing(plain: GaitPolicy):
+    with pytest.raises(InputError, match="5 joints"):
+        footing(get_robot("h1"), GaitPolicy.load(get_robot("h1")).card.gait)
+
+
+def test_a_scan_turns_with_the_robot():
+    terrain = stairs_terrain((0.1,), (0.3,), steps=5, hills=1)
+    plan = Footing((-0.4, 0.0, 0.4), (-0.1, 0.1), 0.36, 0.1, 0.07, 1.0, (0.4, 0.1, 0.5), ())
+    foot = terrain.lanes[0].foot_m[0] - 0.2
+    up, back = plan.scan(terrain, np.array([[foot, 0.0, 0.0], [foot, 0.0, np.pi]]))
+    np.testing.assert_allclose(up, [[0.0, 0.0, 0.1]] * 2)
+    np.testing.assert_allclose(back, [[0.1, 0.0, 0.0]] * 2)
+
+
+@pytest.fixture
+def training():
+    pytest.importorskip("rsl_rl", reason="extra `train` is not installed")
+    from vlnpe.collectors.locomotion.training import train
+
+    return train
+
+
+@pytest.mark.chain
+def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
+    training: Any, plain: GaitPolicy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    phase = replace(training.STAIRS[0][0], envs=12, steps=6)
+    monkeypatch.setattr(training, "STAIRS", ((phase, 2),))
+    arguments = training.Arguments("aliengo", terrain="stairs", threads=1)
+    training.train(ALIENGO, tmp_path, arguments)
+    policy = GaitPolicy.load(ALIENGO, tmp_path)
+    assert policy.card.gait == plain.card.gait
+    assert policy.card.footing == footing(ALIENGO, plain.card.gait)
+    assert policy.card.sees_ground and policy.card.training["samples"] == 2 * 12 * 6
+    # Two steps of learning from zero leave it close to the gait that it was trained on.
+    seen = np.random.default_rng(0).normal(0, 0.3, (20, policy.network.inputs))
+    added = policy.infer(seen) - plain.infer(seen[:, : plain.network.inputs])
+    assert 0 < np.abs(added).max() < 0.5
+    # And it is symmetric, though the training is not: a scan's columns change sides.
+    from vlnpe.collectors.locomotion.training.mirror import Symmetry
+
+    mirror = Symmetry.of(ALIENGO, policy.card.past, policy.card.footing)
+    image = seen[:, mirror.observation_order.numpy()] * mirror.observation_signs.numpy()
+    answer = policy.infer(image)[:, mirror.joint_order.numpy()] * mirror.joint_signs.numpy()
+    np.testing.assert_allclose(answer, policy.infer(seen), atol=1e-4)
+    monkeypatch.setattr(training, "STAIRS", ((phase, 3),))
+    training.train(ALIENGO, tmp_path, arguments)
+    with (tmp_path / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["iteration"]) for row in rows] == [2, 3]
+    assert sum(name.startswith("climbed_") for name in rows[0]) == training.LANES
+
+
+def test_robots_get_the_stairs_that_they_can_climb(training: Any):
+    from vlnpe.collectors.locomotion.training.course import Stairs
+
+    terrain = stairs_terrain((0.05, 0.1, 0.15), (0.3, 0.3, 0.3), steps=5)
+    stairs = Stairs(terrain, 40, np.random.default_rng(5))
+    robots = np.arange(40)
+    stairs.lane[:] = np.where(stairs.lane < 0, -1, 1)
+    on = np.flatnonzero(stairs.lane == 1)
+    xy, yaw = stairs.place(robots)
+    pose = np.column_stack([xy, yaw])
+    assert not stairs.left(pose).any()
+    np.testing.assert_allclose(terrain.at(xy[stairs.lane < 0]), 0.0)
+    target = np.zeros((40, 3))
+    for _ in range(400):
+        # All go as commanded, straight along their lane.
+        pose[on, 2] = np.where(np.cos(pose[on, 2]) > 0, 0.0, np.pi)
+        stairs.steer(target, pose)
+        pose[on, 0] += 0.02 * target[on, 0] * np.cos(pose[on, 2])
+    fell = np.zeros(40, dtype=bool)
+    fell[on[:5]] = True
+    stairs.finish(robots, pose, fell)
+    assert (stairs.lane[on[:5]] == 0).all()
+    assert (stairs.lane[on[5:]] == 2).mean() > 0.8
+    assert (stairs.lane[:8] == -1).all()
+    news = stairs.news()
+    assert news["episodes_10.0cm"] >= 30 and 0.5 < news["climbed_10.0cm"] < 1.0
+    assert stairs.news()["episodes_10.0cm"] == 0
