@@ -76,9 +76,9 @@ adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=sca
 	    $(if $(filter-out file,$(origin POLICY)),--policy "$(POLICY)") $(if $(OUT),--out "$(OUT)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)
 
-train-gait:  ## Train a gait, also of a robot of your own: make train-gait ROBOT=mydog [OUT=folder]
+train-gait:  ## Train a gait, also of a robot of your own: make train-gait ROBOT=mydog [OUT=folder ARGS="--terrain stairs"]
 	@$(SETUP) full
-	@$(BIN)/python -m vlnpe.collectors.locomotion.training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)")
+	@$(BIN)/python -m vlnpe.collectors.locomotion.training.train "$(ROBOT)" $(if $(OUT),--out "$(OUT)") $(ARGS)
 
 test:  ## Run the tests but for the slow ones, about 11 minutes on 2 cores (installs torch and lerobot, too)
 	@$(SETUP) full

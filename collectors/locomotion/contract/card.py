@@ -23,6 +23,8 @@ _BLOCKS = {
     "joint_minus_default_rad": ("rad", "encoders minus default_joint_rad"),
     "joint_velocity_rad_s": ("rad/s", "encoders"),
     "previous_action": ("1", "the network's last output, clipped"),
+    "slope": ("1", "rise over run of the ground, forward; gravity and joints are as if it were 0"),
+    "height_scan_m": ("m", "ground at the points of `footing` over the line through them"),
 }
 
 

@@ -24,7 +24,7 @@ class FootingTables(NamedTuple):
         first_m, spacing_m: first row of the scan and distance of its rows.
         height_m: of the base.
         usual_m: how high the gait lifts its feet on level ground.
-        clearance_m, pitch_share: see `Footing`.
+        clearance_m: see `Footing`.
         stance_s: half a stance.
         blend, servo: share per step by which the slope, and joints, follow.
         leg_m, least_m, most_m: `Footing.leg_m`.
@@ -37,7 +37,6 @@ class FootingTables(NamedTuple):
     height_m: float
     usual_m: float
     clearance_m: float
-    pitch_share: float
     stance_s: float
     blend: float
     servo: float
@@ -100,7 +99,7 @@ def place_feet(tables, gait, footholds, scan, clock, command):
             slope = slopes[n] + tables.blend * (slope - slopes[n])
         slopes[n] = slope
         ground = _ground(tables, scan[n], slope)
-        angle = tables.pitch_share * np.arctan(slope)
+        angle = np.arctan(slope)
         cosine, sine = np.cos(angle), np.sin(angle)
         half = tables.stance_s * command[n, 0] * cosine if moving[n] else 0.0
         shift[n] = 0.0
@@ -176,7 +175,7 @@ def see_ground(tables, footholds, scan, body, seen):
     joints, rows = (body.shape[1] - 9) // 2, scan.shape[2]
     for n in range(len(scan)):
         slope = footholds.slope[n]
-        angle = tables.pitch_share * np.arctan(slope)
+        angle = np.arctan(slope)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, z = body[n, 6], body[n, 8]
         body[n, 6], body[n, 8] = cosine * x - sine * z, sine * x + cosine * z

@@ -40,7 +40,6 @@ class Footing:
         base_height_m: of the base above the ground.
         step_m: how high the gait lifts its feet on level ground.
         clearance_m: how high they shall pass over an edge.
-        pitch_share: of the slope's angle by which the trunk pitches.
         leg_m: height of the legs' upper joints over the feet, and their least and greatest length.
         reach_rad: F × `POWERS` rows of J joint offsets [rad per m, per m², …].
     """
@@ -50,7 +49,6 @@ class Footing:
     base_height_m: float
     step_m: float
     clearance_m: float
-    pitch_share: float
     leg_m: tuple[float, float, float]
     reach_rad: tuple[tuple[float, ...], ...]
 
@@ -98,7 +96,6 @@ class Footing:
             self.base_height_m,
             self.step_m,
             self.clearance_m,
-            self.pitch_share,
             0.25 / gait.frequency_hz,
             1.0 / (RATE_HZ * SLOPE_S),
             1.0 / (RATE_HZ * SERVO_S),

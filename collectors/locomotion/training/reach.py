@@ -16,7 +16,7 @@ AHEAD_M, ABOVE_M, GRID = 0.3, (-0.1, 0.22), 13
 LENGTHS = (0.33, 0.94)
 # A scan from behind the hind feet to more than one tread before the front feet.
 FIRST_M, SPACING_M, ROWS = -0.44, 0.04, 27
-CLEARANCE_M, PITCH_SHARE = 0.07, 1.0
+CLEARANCE_M = 0.07  # of edges
 
 
 @cache
@@ -61,7 +61,6 @@ def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
         base_height_m=robot.base_height_m,
         step_m=round(float(np.mean(lifts)), 3),
         clearance_m=CLEARANCE_M,
-        pitch_share=PITCH_SHARE,
         leg_m=(float(np.mean(heights)), *(share * float(np.mean(lengths)) for share in LENGTHS)),
         reach_rad=tuple(tuple(row) for row in reach),
     )

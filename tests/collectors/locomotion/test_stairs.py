@@ -182,7 +182,7 @@ def test_only_legs_of_three_joints_have_a_footing(plain: GaitPolicy):
 
 def test_a_scan_turns_with_the_robot():
     terrain = stairs_terrain((0.1,), (0.3,), steps=5, hills=1)
-    plan = Footing((-0.4, 0.0, 0.4), (-0.1, 0.1), 0.36, 0.1, 0.07, 1.0, (0.4, 0.1, 0.5), ())
+    plan = Footing((-0.4, 0.0, 0.4), (-0.1, 0.1), 0.36, 0.1, 0.07, (0.4, 0.1, 0.5), ())
     foot = terrain.lanes[0].foot_m[0] - 0.2
     up, back = plan.scan(terrain, np.array([[foot, 0.0, 0.0], [foot, 0.0, np.pi]]))
     np.testing.assert_allclose(up, [[0.0, 0.0, 0.1]] * 2)
