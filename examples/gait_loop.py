@@ -26,9 +26,7 @@ class GaitLoop:
         card = self.card = json.loads(Path(card_file).read_text())
         self.layers = read_layers(Path(card_file).with_suffix(".safetensors"))
         if any(name == "height_scan_m" for name, _ in card["observation"]):
-            raise ValueError(
-                f"{card_file}: this gait sees the ground; the loop is for level ground"
-            )
+            raise ValueError(f"{card_file}: the gait sees stairs; this loop does not")
         limits = card["deployment"]["safety"]["command"]
         self.limits = [limits[axis] for axis in ("vx_m_s", "vy_m_s", "yaw_rad_s")]
         self.default = np.array(card["default_joint_rad"])

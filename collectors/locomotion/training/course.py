@@ -126,9 +126,9 @@ class Stairs(Course):
         for i in robots:
             if self.lane[i] < 0 or (self._due[i] < LEAST_M and not fell[i]):
                 continue
-            climbed = not fell[i] and way[i] > CLIMBED * self._due[i]
+            climbed = bool(not fell[i] and way[i] > CLIMBED * self._due[i])
             worse = fell[i] or way[i] < STUCK * self._due[i]
-            self._walks[self.lane[i]] += climbed, 1
+            self._walks[self.lane[i]] += np.array([climbed, 1])
             lane = max(self.lane[i] + (1 if climbed else -1 if worse else 0), 0)
             # Those that climb the last one go on anywhere.
             most = len(self.terrain.lanes)

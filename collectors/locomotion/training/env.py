@@ -41,7 +41,10 @@ def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
 
 
 class GaitEnv(VecEnv):
-    """Velocity tracking on a terrain, with randomised bodies, latency and pushes."""
+    """Velocity tracking on a terrain, with randomised bodies, latency and pushes.
+
+    A policy with a `base` adds to the actions of that gait.
+    """
 
     def __init__(
         self,
@@ -52,11 +55,6 @@ class GaitEnv(VecEnv):
         threads: int,
         base: Base | None = None,
     ) -> None:
-        """Build the simulations.
-
-        Args:
-            base: a gait whose actions those of the policy are added to; none when None.
-        """
         self.robot, self.config, self.terrain, self.rng = robot, config, terrain, rng
         self.base, self.gait = base, base.card.gait if base else recipe(robot).gait
         self.footing = footing(robot, self.gait) if terrain.lanes else None
@@ -216,8 +214,8 @@ class GaitEnv(VecEnv):
         self._sole_z = soles[..., 2] - self._sole_radius
         self._foot_height = (self._sole_z - self.terrain.at(soles[..., :2])).min(axis=-1)
         self._foot_contact = self._sensors[:, self.handles.foot_touch] > 1.0
-        base = self._qpos[:, self.handles.root_qpos : self.handles.root_qpos + 3]
-        self._height = base[:, 2] - self.terrain.at(position[..., :2]).mean(axis=1)
+        base_z = self._qpos[:, self.handles.root_qpos + 2]
+        self._height = base_z - self.terrain.at(position[..., :2]).mean(axis=1)
         joint_rad = state.joint_rad
         if self.footing is not None:
             joint_rad = joint_rad - self._step.footholds.shown[0, :, : self.num_actions]

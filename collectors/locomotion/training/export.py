@@ -33,12 +33,16 @@ def encode_actor(actor: Any, mirror: Symmetry | None = None) -> bytes:
     symmetric where training only comes near: the two stand side by side in one network of twice
     the width.
     """
+    return encode_layers(*_layers(actor, mirror))
+
+
+def _layers(actor: Any, mirror: Symmetry | None) -> tuple[list[Array], list[Array]]:
     normalizer = actor.obs_normalizer
     std = _float64(normalizer.std) + normalizer.eps
     weights, biases = folded_layers(actor.mlp, _float64(normalizer.mean), std)
     if mirror is not None:
         weights, biases = with_mirror_image(weights, biases, mirror)
-    return encode_layers(weights, biases)
+    return weights, biases
 
 
 def folded_layers(
@@ -94,10 +98,7 @@ def write_policy(
     if base is None:
         content = encode_actor(actor, Symmetry.of(robot))
     else:
-        normalizer = actor.obs_normalizer
-        std = _float64(normalizer.std) + normalizer.eps
-        weights, biases = folded_layers(actor.mlp, _float64(normalizer.mean), std)
-        weights, biases = with_mirror_image(weights, biases, Symmetry.of(robot, 0, footing))
+        weights, biases = _layers(actor, Symmetry.of(robot, 0, footing))
         seen = present(blocks)
         first = np.zeros((len(weights[0]), len(seen)))
         first[:, seen] = weights[0]

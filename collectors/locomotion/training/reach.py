@@ -55,12 +55,13 @@ def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
         heights.append(height)
         lengths.append(length)
         lifts.append(stance.lift_m(leg, np.array(swing)))
+    length = float(np.mean(lengths))
     return Footing(
         scan_x_m=tuple(round(FIRST_M + SPACING_M * k, 3) for k in range(ROWS)),
         scan_y_m=tuple(sorted({round(y, 4) for _, y in gait.foot_xy_m})),
         base_height_m=robot.base_height_m,
         step_m=round(float(np.mean(lifts)), 3),
         clearance_m=CLEARANCE_M,
-        leg_m=(float(np.mean(heights)), *(share * float(np.mean(lengths)) for share in LENGTHS)),
+        leg_m=(float(np.mean(heights)), LENGTHS[0] * length, LENGTHS[1] * length),
         reach_rad=tuple(tuple(row) for row in reach),
     )

@@ -140,7 +140,7 @@ def ground(kind: str, rng: np.random.Generator) -> Terrain:
     """Return the ground that a phase of training names: flat, rough or stairs."""
     if kind == "stairs":
         risers = np.linspace(*RISERS_M, LANES)
-        return stairs_terrain(risers, rng.uniform(*GOINGS_M, LANES), STEPS)
+        return stairs_terrain(risers.tolist(), rng.uniform(*GOINGS_M, LANES).tolist(), STEPS)
     return rough_terrain(rng) if kind == "rough" else Terrain()
 
 
