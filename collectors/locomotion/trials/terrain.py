@@ -176,8 +176,8 @@ def stairs_terrain(
         y = (k + 0.5 - 0.5 * len(risers_m)) * LANE_M
         sides = (y - 0.5 * LANE_M, y + 0.5 * LANE_M)
         run = 2 * (steps - 1) * going + LANDING_M
-        every = np.arange(hills, dtype=np.float64) - 0.5 * (hills - 1)
-        foot = every * (run + FLAT_M) - 0.5 * run
+        nth = np.arange(hills, dtype=np.float64) - 0.5 * (hills - 1)
+        foot = nth * (run + FLAT_M) - 0.5 * run
         for start in foot:
             for step in range(steps):
                 ends = (start + step * going, start + run - step * going)
