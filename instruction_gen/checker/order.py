@@ -1,25 +1,28 @@
-"""Whether claims hold in their order, with no clear turn of the path left out.
+"""The best placement of a text's claims along a path, and what it costs.
 
-A state is a number of turns made and the set of places where the walker may be after the claims
-so far. Each claim moves the states on; one that leaves none is false where it stands.
+A state is a place on the path and the number of its turns that are behind the walker. Each claim
+moves the walker on at a cost: of its target at the new place, of going back, of turns that it does
+not say. Dynamic programming finds the cheapest way through all claims. A text is refused where
+that costs too much; the dearest claims on it say why.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..language.claims import Claim, Step
+from .fit import NEVER, WRONG, Costs, Fit, Part, best, ramp
 from .ground import Ground
-from .things import Mask, Place, spread
-from .turns import Turns
+from .said import Said
+from .turns import left_out, made, no_turn, unsaid
 
-States = dict[int, Mask]
-
-_EARLY_M = 1.0  # a claim about a place already holds so far before it
-_ORDER_M = 1.0  # things this near to each other may be passed in either order
-_SLACK_M = {"pass": 2.0, "see": 4.0, "reach": 1.5, "in": 0.4, "enter": 0.4, "leave": 0.4,
-            "door": 0.4}  # fmt: skip
+LIMIT = 0.85  # the root of the sum of the squares of all costs
+_FIRST = 0.35  # who meets what costs no more than this means it
+_STAYS_M = 4.0, 7.0
+_Told = list[tuple[float, str]]
+_Moved = tuple[Costs, NDArray[np.int64], Callable[[int, int, int, int], _Told]]
 
 
 @dataclass(frozen=True)
@@ -32,338 +35,234 @@ class Problem:
 
 def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) -> list[Problem]:
     """Return what does not hold, in order; `owners` are the numbers of the claims' steps."""
-    return _Walk(ground, claims, owners).run()
+    placed = Alignment(ground, claims, owners)
+    if placed.cost <= LIMIT:
+        return []
+    worst = [(k, *max(told)) for k, told in enumerate(placed.told)]
+    most = min(1.0, max(cost for _, cost, _ in worst))
+    return [Problem(k, reason) for k, cost, reason in worst if cost >= most]
 
 
 def step_starts_m(steps: Sequence[Step], ground: Ground) -> tuple[float, ...]:
     """Return how far along the path each step begins: where all before it can be done [m]."""
     owners = [k for k, step in enumerate(steps) for _ in step.claims]
-    walk = _Walk(ground, [claim for step in steps for claim in step.claims], owners)
-    walk.run()
+    placed = Alignment(ground, [claim for step in steps for claim in step.claims], owners)
     starts_m, done_m = [], 0.0
     for number in range(len(steps)):
         starts_m.append(round(done_m, 2))
-        own = (m for m, owner in zip(walk.done_m, owners, strict=True) if owner == number)
+        own = (ground.along_m[k] for k, n in zip(placed.places, owners, strict=True) if n == number)
         done_m = max(done_m, *own, 0.0)
     return tuple(starts_m)
 
 
-class _Walk:
+class Alignment:
+    """The cheapest placement of claims.
+
+    Attributes:
+        cost: of the placement.
+        places: of each claim, where it is done, an index into the ground's places.
+        told: of each claim, what it costs there and why.
+    """
+
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
-        self.ground, self.claims, self.owners = ground, claims, owners
-        self.room: tuple[int, Claim, Mask] | None = None  # the last room that was entered
-        self.within = ""  # the room that the text is in
-        self.inside = ("", -np.inf)  # the last room that is walked in, and from where [m]
-        self.along, self.turns = ground.along_m, Turns(ground, claims)
-        start = np.zeros(len(self.along), dtype=bool)
-        start[0] = True
-        self.states: States = {0: start}
-        self.tight: States | None = None  # after a distance: where it led
-        self.paced = -1  # the step that says the distance
-        self.last: list[Mask] = []  # where the last place that is named may be
-        self.index = 0
-        self.done_m: list[float] = []  # how far along each claim is done
+        self.ground, self.along, self.turns = ground, ground.along_m, ground.facts.turns
+        self._within = ""  # the room that the text is in
+        cost = np.full((len(self.turns) + 1, ground.places), np.inf)
+        cost[0, 0] = 0.0
+        moves: list[_Moved] = []
+        for index, claim in enumerate(claims):
+            said = Said(claims, owners, index)
+            moves.append((self._turn if claim.kind == "turn" else self._place)(said, cost))
+            cost = moves[-1][0]
+        self.cost = float(np.sqrt(cost.min()))
+        self.places, self.told = [0] * len(moves), [[(0.0, "")] for _ in moves]
+        m, s = np.unravel_index(int(cost.argmin()), cost.shape)
+        for k in range(len(moves) - 1, -1, -1):
+            _, origin, told = moves[k]
+            since_m, since_s = origin[:, m, s]
+            self.places[k], self.told[k] = int(s), told(int(since_m), int(since_s), int(m), int(s))
+            m, s = since_m, since_s
 
-    def run(self) -> list[Problem]:
-        """Return the problems of all claims."""
-        problems: list[Problem] = []
-        passed_m = -np.inf
-        for index, claim in enumerate(self.claims):
-            self.index = index
-            if claim.kind == "stop":
-                reason = self._stop(claim)
-            elif claim.kind == "walk":
-                reason = self._distance(claim)
-            elif claim.kind == "turn":
-                reason = self._turn(claim)
-            elif claim.kind == "avoid":
-                reason = self._avoid(claim)
-            else:
-                reason = self._place(claim)
-                if claim.kind == "pass" and claim.what != "room" and not reason + claim.place:
-                    since_m = min(float(self.along[np.argmax(m)]) for m in self.states.values())
-                    first_m, last_m = self.ground.abeam_m(claim, since_m) or (passed_m, np.inf)
-                    if last_m < passed_m - _ORDER_M:
-                        reason = f"the {claim.text or 'doorway'} is passed earlier"
-                    passed_m = max(passed_m, first_m)
-            if reason:
-                problems.append(Problem(index, reason))
-            self.done_m.append(min(self._middle_m(mask) for mask in self.states.values()))
-        if not problems and self.claims and (left := self._left_out()):
-            problems.append(Problem(len(self.claims) - 1, left))
-        return problems
+    def _fit(self, said: Said) -> Fit:
+        ground, claim = self.ground, said.claim
+        kind, what = claim.kind, claim.what
+        if kind == "avoid":
+            return best((1, ground.places), [(self._entered(said), f"the path does enter the {claim.name}")])
+        if kind == "walk" or (kind, what) == ("stop", ""):
+            return best((1, ground.places), [(0.0, "")])
+        if kind == "stop":
+            return {"room": ground.stopped_in, "door": ground.stopped_at_door,
+                    "thing": ground.stopped_at}[what](claim)  # fmt: skip
+        if kind in ("door", "enter", "leave") or (kind == "in" and what != "room"):
+            within = self._within if kind != "leave" else ""
+            return ground.crossed(claim, within, said.turned)
+        if what == "room":
+            view = kind == "see" or (kind == "reach" and claim.side)
+            return (ground.room_in_view if view else ground.room_passed if kind == "pass" else ground.inside)(claim)
+        fit = {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[kind](claim)
+        if kind == "pass" and what == "door" and claim.count > 1:
+            row = np.vstack([fit.parts, ground.doors_passed(claim)])
+            fit = Fit(row, (*fit.reasons, f"there are not {claim.count} doorways to pass"), fit.first)
+        return fit
 
-    def _middle_m(self, mask: Mask) -> float:
-        """Return the middle of the first places where the walker may be, which begin too early."""
-        first = int(np.argmax(mask))
-        left = np.flatnonzero(~mask[first:])
-        last = first + int(left[0]) - 1 if len(left) else len(mask) - 1
-        return float(
-            min(0.5 * (self.along[first] + self.along[last]), self.along[first] + _EARLY_M)
-        )
+    def _entered(self, said: Said) -> float:
+        """Return what it costs to say that a room is not entered."""
+        facts, names = self.ground.facts, self.ground.rooms(said.claim.name)
+        rooms = (self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave"))
+        again = any(names & own for own in rooms) or facts.level_rooms.count(said.claim.name) > 1
+        return NEVER * (not again and any(v.room in names for v in facts.visits[1:]))
+
+    # moves ------------------------------------------------------------------------------------
+
+    def _back(self, said: Said) -> float:
+        """Return how far behind the walker the place of a claim may be [m]."""
+        kind, last = said.claim.kind, said.last.kind
+        if kind in ("pass", "in", "reach") and said.claim.what != "door" and said.paced_m:
+            return said.paced_m + 0.5  # on that stretch
+        if kind == "pass" and last == "turn" and not said.apart:
+            return 1.8  # "turn right after the bench"
+        if kind == "door" and last == "turn":
+            return 0.3
+        if kind in ("pass", "reach") and last in ("enter", "door") and said.apart:
+            return 0.2  # not what stands in the room before
+        return {"pass": 0.0, "see": 4.0, "reach": 1.5}.get(kind, 0.9)
+
+    def _stays(self, said: Said) -> tuple[float, float] | None:
+        """Return how far ahead the place of a claim may be that does not move the walker [m]."""
+        claim, then = said.claim, said.following
+        if claim.kind in ("pass", "in", "reach") and claim.what != "door" and said.paced_m:
+            return 1.5, 3.0
+        until = claim.kind == "see" and (then.kind, then.what) == ("stop", "")
+        paced = claim.kind == "in" and then.kind == "walk" and then.metres > 0.0
+        return _STAYS_M if paced or (claim.kind in ("see", "avoid") and not until) else None
+
+    def _moves(self, said: Said, fit: Fit) -> list[tuple[Costs, str]]:
+        """Return what it costs to go from one place (rows) to another (columns) by a claim."""
+        claim, along, facts = said.claim, self.along, self.ground.facts
+        here, there = along[:, None], along[None, :]
+        name, went = claim.text or "doorway", there - here
+        back_m = self._back(said)
+        parts: list[Part] = [(ramp(-went, back_m, back_m + 0.6),
+                              f"the {name} comes earlier on the path than the text says")]  # fmt: skip
+        free = not (claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name)))
+        if free and (claim.kind == "door" or (claim.what == "thing" and claim.kind in ("pass", "see", "reach"))):
+            parts.append((self._beyond_first(fit), f"the first {name} on the way is another one"))
+        if claim.kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
+            d = claim.metres
+            low = np.minimum(0.2, along[-1] - 0.3 - here) if claim.vague else 0.85 * d - 0.2
+            high = max(4.5, 2.0 * d) if claim.vague else 1.18 * d + 0.3
+            short = ramp(low - went, 0.0, 0.1 * d + 0.1)
+            parts.append((np.maximum(short, ramp(went - high, 0.0, 0.12 * d + 0.2)),
+                          f"the path does not go on for {d:g} metres"))  # fmt: skip
+        elif said.paced_m and (claim.kind in ("door", "enter", "leave", "stop") or claim.what == "door"):
+            parts.append((ramp(went, 1.0, 2.0), f"the {name} is farther than the distance before it"))
+        led_to = said.led_to
+        if claim.kind in ("enter", "door", "leave") and led_to.kind in ("door", "turn"):
+            if (led_to.kind == "door" and claim.kind != "leave") or led_to.side == claim.side:
+                parts.append((ramp(went, 0.8, 1.8), f"the {name} is not there"))  # one manoeuvre
+            if claim.kind != "leave":
+                between = np.maximum(self._rooms_before(0.9) - self._rooms_before(0.4)[:, None], 0)
+                parts.append((0.75 * WRONG * between, f"another room comes before the {name}"))
+        if claim.kind in ("leave", "in") and claim.name and not said.moved:
+            late = np.maximum(self._rooms_before(0.9 + (claim.kind == "in")) - (claim.kind == "in"), 0)
+            parts.append((0.75 * WRONG * late, f"the path does not start in the {name}"))
+        if claim.kind == "stop":
+            parts.append((ramp(along[-1] - there, 0.0, 0.1), "the path goes on"))
+            if not claim.what:
+                parts.append((ramp(went, 2.2, 3.6), "the path goes on farther than what is named before the stop"))
+            elif claim.what == "thing" and not (claim.room or claim.ordinal):
+                parts.append((self._met_before(said, fit), f"the first {name} on the way is not where the path ends"))
+        elif said.stopped and claim.kind not in ("avoid", "walk"):
+            parts.append((ramp(along[-1] - there, 0.6, 1.2), f"the {name} is not where the path ends"))
+        if said.is_pair and not self.ground.flank(said.last, claim, claim.kind == "stop"):
+            parts.append((NEVER, f"one is not between the {said.last.name} and the {name}"))
+        return [(np.broadcast_to(cost, (len(along),) * 2), reason) for cost, reason in parts]
+
+    def _rooms_before(self, by_m: float) -> Costs:
+        """Return (S,) how many passages lie more than `by_m` before a place."""
+        at = np.array([p.along_m for p in self.ground.facts.passages])
+        return (at[:, None] < self.along - by_m).sum(axis=0).astype(np.float64)
+
+    def _beyond_first(self, fit: Fit) -> Costs:
+        """Return (S, S) what it costs to go from a place on past the first that would fit."""
+        end, good = np.full(len(self.along) + 1, np.inf), [*(fit.first <= _FIRST), False]
+        for k in range(len(self.along) - 1, -1, -1):
+            end[k] = self.along[k] if good[k] and not good[k + 1] else end[k + 1]
+        return ramp(self.along[None, :] - end[:-1, None], 2.0, 4.0)
+
+    def _met_before(self, said: Said, fit: Fit) -> Costs:
+        """Return (S, 1) what it costs that a thing to stop at is met in an earlier room."""
+        told = any(c.kind == "stop" and c.what == "room" for c in said.claims)
+        good = (fit.first <= _FIRST) & (self.along < self.ground.facts.visits[-1].from_m - 1.0)
+        later = np.logical_or.accumulate(good[::-1])[::-1]
+        return 0.75 * WRONG * (later & (not told))[:, None]
 
     # claims -----------------------------------------------------------------------------------
 
-    def _find(self, claim: Claim) -> Place:
-        ground = self.ground
-        turned = self.index > 0 and self.claims[self.index - 1].kind == "turn"
-        if turned and claim.side == "ahead" and claim.kind in ("enter", "door"):
-            # "Turn right and go straight into the hall": straight on after the turn.
-            mask, reason = self._find(replace(claim, side=""))
-            mask = mask & ground.straight_on(max(self.states))
-            return mask, reason or ("" if mask.any() else f"the {claim.text} is not ahead")
-        if claim.what == "room":
-            return {
-                "leave": ground.left, "enter": ground.entered, "in": ground.inside,
-                "reach": ground.room_in_view if claim.side else ground.inside,
-                "pass": ground.room_passed, "see": ground.room_in_view, "door": ground.entered,
-            }[claim.kind](claim)  # fmt: skip
-        if claim.kind in ("door", "enter", "leave", "in"):
-            return ground.through_door(claim) if claim.what == "door" else ground.left(claim)
-        # Who has gone through a door does not mean what is on this side of it.
-        before = self.claims[self.index - 1]
-        through = before.kind in ("enter", "door")
-        apart = self.index and self.owners[self.index - 1] != self.owners[self.index]
-        first_m = min(float(self.along[np.argmax(here)]) for here in self.states.values())
-        beyond_m = 0.9 * (apart and through) + 0.4 * (before.kind == "turn")
-        since = int(np.searchsorted(self.along, first_m + beyond_m - 0.1))
-        return {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[claim.kind](
-            claim, since
-        )
-
-    def _place(self, claim: Claim) -> str:
-        mask, reason = self._find(claim)
-        fault = reason
-        if claim.ordinal > 0 and (passed := self._doors_passed()):
-            # "Pass the kitchen door and take the next one": counted from there.
-            more, reason = self._find(replace(claim, ordinal=claim.ordinal + passed))
-            mask, reason = mask | more, reason and fault
-        if reason:
-            return reason
-        before = self.claims[self.index - 1] if self.index else claim
-        if claim.kind == "enter" and before.kind == "door" and self._one_step():
-            # "Through the door into the kitchen" enters no other room between.
-            through = np.any(list(self.states.values()), axis=0)
-            mask = mask & spread(through, self.along, 0.3)
-            if not mask.any():
-                return f"the {claim.text} is not behind that doorway"
-        if self._is_pair() and not self.ground.flank(before, claim):
-            return f"one does not pass between the {before.name} and the {claim.name}"
-        if claim.kind in ("in", "leave") and claim.name and self._starts_outside(claim):
-            return f"the path does not start in the {claim.name}"
-        if claim.kind in ("enter", "door") and self.within:
-            mask = mask & self.ground.out_of(self.within)
-            if not mask.any():
-                return f"one does not come to the {claim.text} from the {self.within}"
-        if claim.what in ("door", "room") and self.index:
-            self.within = (
-                claim.name if claim.kind in ("enter", "in") and claim.what == "room" else ""
-            )
-        if claim.kind == "see" and any(c.kind == "stop" for c in self.claims[: self.index]):
-            mask = mask & (self.along >= self.ground.length_m - 1.0)
-            if not mask.any():
-                return f"the {claim.text or 'doorway'} is not in view where the path ends"
-        self.last = [mask] if claim.kind in ("pass", "see") else []
-        owner = self.owners[self.index]
-        if self.room is not None and self.room[0] != owner:
-            if (
-                claim.kind == "door"
-                and self.claims[self.index - 1] is self.room[1]
-                and (self.room[1].kind == "enter" and self.room[1].name)
-            ):
-                mask = mask & ~self.room[2]  # "go into the hall and take the door": the next one
-            elif claim.kind in ("pass", "reach") and self.room[1].name:
-                first = float(self.along[np.argmax(self.room[2])])
-                mask = mask & (self.along >= first + 0.5)  # not what stands in the room before
-            if not mask.any():
-                return f"the {claim.text or 'doorway'} is not in the room that the text has entered"
-        at_m = min(self._middle_m(here) for here in self.states.values())
-        if claim.kind == "pass" and claim.what == "door" and claim.count > 1 and (
-            self.ground.doors_passed(claim, at_m) < claim.count
-        ):  # fmt: skip
-            return f"there are not {claim.count} doorways to pass"
-        if claim.kind == "in" and claim.name:
-            if self.inside[0] != claim.name:
-                mask = mask & (self.along >= self.inside[1] + 0.6)
-            visits = [
-                v for v in self.ground.facts.visits if v.room in self.ground.rooms(claim.name)
-            ]
-            first = min(float(self.along[np.argmax(here)]) for here in self.states.values())
-            from_m = min((v.from_m for v in visits if v.to_m > first + 0.5), default=self.inside[1])
-            self.inside = (claim.name, from_m)
-            if not mask.any():
-                return f"the {claim.name} comes earlier on the path than the text says"
-        slack, still = _SLACK_M[claim.kind], claim.kind == "see" or claim.kind == "pass"
-        turned = before.kind == "turn" and claim.kind in ("enter", "door")
-        if before.kind == "turn":  # "turn left in the hall", "right out of the hall"
-            slack = {"enter": 0.9, "leave": 1.0, "door": 0.0}.get(claim.kind, slack)
-        states = self.states
-        if self.tight is not None and claim.kind in ("door", "enter", "leave"):
-            near = {k: spread(m, self.along, 0.1) for k, m in self.tight.items()}
-            onward = {k: m for k, m in near.items() if (m & ~spread(~mask, self.along, 0.4)).any()}
-            # "Walk nine metres, out of the room and down the hall."
-            if not onward and (owner != self.paced or all(
-                not (m & (self.along > self.along[mask][-1])).any() for m in near.values()
-            )):  # fmt: skip
-                return f"the {claim.text or 'doorway'} is farther than the distance before it"
-            states = onward or states
-            self.tight = None
-        result: States = {}
-        ground = self.ground
-        for made, here in states.items():
-            first = float(self.along[np.argmax(here)])
-            reach = mask & (self.along >= first - slack) & (self.along <= self._limit(made, first))
-            if claim.kind == "door" and not (claim.side or claim.room or claim.ordinal):
-                reach &= self.along <= ground.next_door_m(first + 1.0) + 0.9
-            if turned and self._one_step():  # "left into the kitchen" goes through no other room
-                turn_m = float(self.along[here][-1]) - 0.6
-                next_m = ground.next_room_m(turn_m - 0.9)
-                next_m = ground.next_room_m(next_m) if next_m < turn_m + 0.6 else next_m
-                reach &= self.along <= next_m + 0.9
-            if not reach.any():
-                continue
-            ahead = reach & (self.along >= first - 0.3)
-            if claim.kind == "see":
-                result[made] = here
-            elif claim.kind == "in" and (here & mask).any():
-                result[made] = here & mask
-            elif still:
-                result[made] = ahead if ahead.any() else here
-            else:
-                result[made] = ahead if ahead.any() else reach
-        if result:
-            self.states = result
-            if claim.kind in ("enter", "door"):
-                entered = np.any([mask & m for m in result.values()], axis=0)
-                self.room = (owner, claim, entered) if entered.any() else self.room
-            return ""
-        return self._missing(claim, mask)
-
-    def _starts_outside(self, claim: Claim) -> bool:
-        """Return whether a text is in a room that it has neither started in nor moved to."""
-        facts, before = self.ground.facts, self.claims[: self.index]
-        moved = any(c.kind in ("enter", "door", "leave", "in", "turn", "reach") for c in before)
-        rooms = {v.room for v in facts.visits[: 1 + (claim.kind == "in")]} | {*facts.start_rooms}
-        return (
-            not moved and bool(facts.visits[0].room) and not rooms & self.ground.rooms(claim.name)
-        )
-
-    def _is_pair(self) -> bool:
-        """Return whether a claim is the second of two things that one is between."""
-        claim, row = self.claims[self.index], 0
-        for before in self.claims[: self.index][::-1]:
-            if before.place != "between" or (before.kind, before.what) != (claim.kind, "thing"):
-                break
-            row += 1
-        return claim.place == "between" and row % 2 == 1
-
-    def _one_step(self) -> bool:
-        """Return whether a claim and the one before belong to one step."""
-        return self.index > 0 and self.owners[self.index - 1] == self.owners[self.index]
-
-    def _doors_passed(self) -> int:
-        """Return how many doorways of the room the text has passed."""
-        passed, own = 0, self.owners[self.index]
-        for before, owner in zip(
-            self.claims[: self.index][::-1], self.owners[: self.index][::-1], strict=True
-        ):
-            if before.kind in ("leave", "enter", "door") and owner != own:
-                break
-            passed += before.kind == "pass" and before.what == "door"
-        return passed
-
-    def _missing(self, claim: Claim, mask: Mask) -> str:
-        what = f"the {claim.text or 'doorway'}"
-        first = min(float(self.along[np.argmax(m)]) for m in self.states.values())
-        if self._limit(max(self.states), first) < self.along[np.flatnonzero(mask)[0]]:
-            turn = self.turns.unclaimed(max(self.states), self.index, first)
-            return f"the turn to the {turn.side if turn else ''} before {what} is not mentioned"
-        return f"{what} comes earlier on the path than the text says"
-
-    def _turn(self, claim: Claim) -> str:
-        result: States = {}
-        for made, here in self.states.items():
-            tight = None if self.tight is None else self.tight.get(made)
-            after = self.turns.after(claim, self.index, made, here, tight)
-            for count, mask in after.items():
-                result[count] = result.get(count, mask) | mask
-        if not result:
-            side = "around" if claim.side == "around" else f"to the {claim.side}"
-            return f"there is no turn {side} here"
-        self.states, self.tight = result, None
-        return ""
-
-    def _distance(self, claim: Claim) -> str:
-        d = claim.metres
-        if not d and not claim.vague:  # to walk on
-            return ""
-        low, high = (0.2, max(4.5, 2 * d)) if claim.vague else (0.8 * d - 0.3, 1.25 * d + 0.3)
-        result: States = {}
-        for made, here in self.states.items():
-            far = np.zeros_like(here)
-            # The state reaches beyond a door on both sides.
-            cores = (here & ~spread(~here, self.along, by_m) for by_m in (0.8, 0.4))
-            for at in self.along[next((core for core in cores if core.any()), here)]:
-                # A few steps may be fewer where the path ends.
-                end_m = self.along[-1] - 0.05 if claim.vague else np.inf
-                far |= self.ground.between(min(at + low, end_m), at + high)
-            far &= self.along <= self._limit(made, float(self.along[np.argmax(here)]))
-            if far.any():
-                result[made] = far
-        if not result:
-            return f"the path does not go on for {d:g} metres"
-        self.tight, self.paced = result, self.owners[self.index]
-        return ""
-
-    def _avoid(self, claim: Claim) -> str:
-        names = self.ground.rooms(claim.name)  # not the children's bedroom
-        first = min(float(self.along[np.argmax(m)]) for m in self.states.values())
-        later = [v for v in self.ground.facts.visits if v.room in names and v.from_m > first - 0.6]
-        twins = self.ground.facts.level_rooms.count(claim.name) > 1
-        return f"the path does enter the {claim.name}" if later and not twins else ""
-
-    def _stop(self, claim: Claim) -> str:
-        ground = self.ground
-        if claim.what == "room":
-            reason = ground.stopped_in(claim)
-        elif claim.what == "door":
-            reason = ground.stopped_at_door(claim)
+    def _place(self, said: Said, before: Costs) -> _Moved:
+        """Move on to the place of a claim that is no turn."""
+        claim, name = said.claim, said.claim.text or "doorway"
+        fit = self._fit(said)
+        own, parts = fit.cost, self._moves(said, fit)
+        moves = np.max([cost for cost, _ in parts], axis=0)
+        stays, seen = self._stays(said), np.arange(len(self.along))
+        if stays:  # the walker stays where he is
+            moves = np.maximum(moves, ramp(self.along - self.along[:, None], *stays))
+            seen = np.maximum(moves, own).argmin(axis=1)
+            own = np.maximum(moves, own).min(axis=1)
+        if claim.what in ("door", "room") and said.index:
+            room = claim.kind in ("enter", "in") and claim.what == "room"
+            self._within = claim.name if room else ""
+        left = unsaid(self.ground, said)
+        # A turn that is behind the walker must have been said.
+        pending = np.zeros_like(before)
+        for m, turn in enumerate(self.turns):
+            late = ramp(self.along - turn.along_m, 1.0, 2.2) * min(1.0, float(left[m].max()))
+            pending[m] = NEVER if claim.kind == "stop" else 0.0 if stays else late
+        if stays:
+            result, source = before.copy(), np.indices(before.shape)[1]
         else:
-            reason = ground.stopped_at(claim) if claim.what == "thing" else ""
-        before = self.claims[self.index - 1]
-        if not reason and self._is_pair():
-            parted = ground.flank(before, claim, at_end=True)
-            reason = (
-                "" if parted else f"the path does not end between {before.name} and {claim.name}"
-            )
-        if reason := reason or self._elsewhere(claim):
-            return reason
-        end = ground.between(ground.length_m - 0.3, ground.length_m)
-        if self.tight is not None and not any(
-            (spread(m, self.along, 0.4) & end).any() for m in self.tight.values()
-        ):
-            return "the path goes on farther than the distance before the stop"
-        if self.tight is not None:
-            self.tight = None
-            return ""
-        named = [*self.states.values(), *self.last]
-        if not claim.what and not any((spread(m, self.along, 2.2) & end).any() for m in named):
-            return "the path goes on farther than what is named before the stop"
-        return ""
+            reached = before[:, :, None] + moves**2
+            source = reached.argmin(axis=1)
+            result = np.take_along_axis(reached, source[:, None], axis=1)[:, 0]
+        origin = np.stack([np.indices(source.shape)[0], source])
+        for m in range(1, len(result)):
+            skipped = result[m - 1] + left[m - 1] ** 2
+            better = skipped < result[m]
+            result[m] = np.where(better, skipped, result[m])
+            origin[:, m] = np.where(better, origin[:, m - 1], origin[:, m])
 
-    def _elsewhere(self, claim: Claim) -> str:
-        """Return why a thing to stop at must be one in a room that the path only goes through."""
-        since = min(int(np.median(np.flatnonzero(here))) for here in self.states.values())
-        told = claim.room or any(c.kind == "stop" and c.what == "room" for c in self.claims)
-        if claim.what == "thing" and not told and self.ground.met_before_end(claim, since):
-            return f"the first {claim.name} on the way is not where the path ends"
-        return ""
+        def told(since_m: int, since_s: int, m: int, s: int) -> _Told:
+            at = int(seen[s]) if stays else s
+            every = [(float(cost[since_s, at]), reason) for cost, reason in parts]
+            every.append((float(fit.cost[at]), fit.reason(at)))
+            turns = [(float(left[j, s]), j) for j in range(since_m, m)] + [(float(pending[m, s]), m)]
+            place = "" if claim.kind == "stop" else f" before the {name}"
+            return every + [(cost, f"the turn to the {self.turns[j].side}{place} is not mentioned")
+                            for cost, j in turns if cost]  # fmt: skip
 
-    def _limit(self, made: int, first_m: float) -> float:
-        return self.turns.limit_m(made, self.index, first_m)
+        return result + np.maximum(own, pending) ** 2, origin, told
 
-    def _left_out(self) -> str:
-        """Return that a turn is not mentioned at all, "" where none is left out."""
-        left = [self.turns.unclaimed(made, self.index, -np.inf) for made in self.states]
-        turn = left[-1] if all(left) else None
-        return f"the turn to the {turn.side} is not mentioned" if turn else ""
+    def _turn(self, said: Said, before: Costs) -> _Moved:
+        """Make a turn."""
+        result, origin = np.full_like(before, np.inf), np.zeros((2, *before.shape), dtype=np.int64)
+        straight = said.straight
+        left = [left_out(turn, straight, np.inf) for turn in self.turns]
+        for turn in made(self.ground, said):
+            for m in range(turn.first + 1):
+                value = before[m] + turn.start**2 + turn.cost**2 + np.square(left[m : turn.first]).sum()
+                s, to = int(value.argmin()), turn.after
+                better = turn.at & (value[s] < result[to])
+                result[to, better], origin[:, to, better] = value[s], [[m], [s]]
+        for m, row in enumerate(before):
+            value = row + no_turn(self.ground, said, m) ** 2
+            better = value < result[m]
+            result[m, better] = value[better]
+            origin[0, m, better], origin[1, m, better] = m, np.flatnonzero(better)
+        side = "around" if said.claim.side == "around" else f"to the {said.claim.side}"
+
+        def told(since_m: int, since_s: int, m: int, s: int) -> _Told:
+            cost = float(np.sqrt(max(result[m, s] - before[since_m, since_s], 0.0)))
+            return [(cost, f"there is no turn {side} here")]
+
+        return result, origin, told

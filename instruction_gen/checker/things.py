@@ -1,4 +1,4 @@
-"""Where along a path a thing is passed, seen, reached, or stopped at."""
+"""What it costs to say that a thing is passed, seen, reached, or stopped at along a path."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,22 +9,14 @@ from ..facts.records import PathFacts
 from ..language.claims import Claim
 from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, OBJECT_PHRASES, ROOM_PHRASES
 from ..language.nouns import called, room_answers
+from .fit import NEVER, WRONG, Costs, Fit, Part, best, never, ramp
 
 Mask = NDArray[np.bool_]
-Place = tuple[Mask, str]  # where it holds, and why it holds nowhere
 
-PASS_M, REACH_M, BESIDE_M, SEE_M = 3.0, 2.4, 3.6, 8.0
-# How far from a thing the path may end, by the claim's place.
-_STOP_M = {"before": 2.4, "past": 3.2, "between": 2.4}
-_STOP_SIDED_M = {"": 2.0, "left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}
+BESIDE_M = 3.6
 THROUGH_M = 0.4
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
-_CLEARLY_M = 0.5  # by how much the thing that is meant is the nearest
-_AT_HAND_M = 1.8
-_ONE_PLACE_M = 3.0  # things of a name that are met this close together may all be meant
 _VISIBLE_PIXELS = 12
-_SIDE_DEG = (8.0, 172.0)
-_CLEAR_SIDE_DEG = 25.0
 _BEHIND_DEG, _FRONT_DEG = 130.0, 75.0
 _FLANKS_DEG = 60.0  # between two things that are at least so far apart
 
@@ -37,7 +29,7 @@ class Things:
         self.facts = facts
         self.length_m = facts.length_m
         samples = max(2, round(facts.length_m / MOMENT_M) + 1)
-        self.along_m: NDArray[np.float64] = np.linspace(0.0, facts.length_m, samples).astype(float)
+        self.along_m: Costs = np.linspace(0.0, facts.length_m, samples).astype(float)
         shape = (len(facts.landmarks), samples)
         self.distance, self.bearing = np.full(shape, np.inf), np.zeros(shape)
         self.facing = np.full(shape, 180.0)
@@ -54,71 +46,116 @@ class Things:
         # What is behind at the start is beside nothing until the walker faces it or comes back.
         self._behind: Mask = behind & ~np.logical_or.accumulate(front, axis=1)
         rooms = [facts.room_at(along) for along in self.along_m]
-        own = [[mark.room in ("", room) for room in rooms] for mark in facts.landmarks]
+        own = [[mark.room in ("", room) or bool(mark.leads) for room in rooms]
+               for mark in facts.landmarks]  # fmt: skip
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
+        self.places = samples
 
     def rooms(self, name: str) -> frozenset[str]:
         """Return the rooms that a name means here: those of just that name, if there are any."""
         own = frozenset((name,)) & {*self.facts.level_rooms}
         return own or room_names(name)
 
-    def between(self, low_m: float, high_m: float) -> Mask:
-        """Return the places between two distances along the path."""
-        return (self.along_m >= low_m - 0.13) & (self.along_m <= high_m + 0.13)
+    # fits -------------------------------------------------------------------------------------
 
-    def passed(self, claim: Claim, since: int = 0) -> Place:
-        """Return where a thing is beside the walker, from place `since` on where it is."""
-        abeam = (np.abs(self.bearing) >= 35.0) & (np.abs(self.bearing) <= 145.0)
-        abeam |= self.distance <= 0.3  # a rug that is walked over
-        near = (self.near_m <= PASS_M) & abeam & self._nearest() & ~self._behind
-        if claim.what == "door" and claim.side:  # one that is gone through is on no side
-            near &= self.near_m.min(axis=1, keepdims=True) > THROUGH_M
+    def passed(self, claim: Claim) -> Fit:
+        """Return what it costs to say that a thing is passed."""
+        off = np.where(self.distance <= 0.3, 0.0, np.abs(np.abs(self.bearing) - 90.0))
+        with np.errstate(invalid="ignore"):
+            angle = np.deg2rad(self.facing)
+            to_go = self.near_m * np.abs(np.cos(angle)) / np.maximum(np.abs(np.sin(angle)), 0.2)
+            to_go = np.nan_to_num(to_go, nan=99.0, posinf=99.0)
+        to_go = np.where(self.distance <= 0.3, 0.0, to_go)
+        parts = [ramp(self.near_m, 2.6, 3.3), ramp(off, 50.0, 75.0), ramp(_beyond_least(to_go, self.along_m[1]), 0.2, 0.6),
+                 ramp(self._beyond_nearest(), 0.4, 0.9), NEVER * self._behind]  # fmt: skip
         if claim.side:  # ahead where it is never abeam
-            ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) < 60.0)
-            near |= ahead & ~near.any(axis=1, keepdims=True)
-        return self._where(claim, near, "is not beside the path", since)
+            ahead = np.maximum(ramp(self.near_m, 3.0, 3.8), ramp(np.abs(self.bearing), 50.0, 65.0))
+            abeam = np.max(parts, axis=0)
+            ahead += NEVER * (abeam <= 0.6).any(axis=1, keepdims=True)
+            parts = [np.minimum(abeam, 0.5 + ahead)]
+        if claim.what == "door" and claim.side:  # one that is gone through is on no side
+            through = self.near_m.min(axis=1, keepdims=True) <= THROUGH_M
+            parts = [np.maximum(np.max(parts, axis=0), NEVER * through)]
+        return self._of(claim, np.max(parts, axis=0), "is not beside the path")
 
-    def _nearest(self) -> Mask:
-        """Return (N, S) where things are about as near as they get within 2 m of walking."""
-        window = max(1, round(2.0 / self.along_m[1]))
-        padded = np.pad(self.near_m, ((0, 0), (window, window)), constant_values=np.inf)
-        views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
-        return self.near_m <= views.min(axis=2) + 0.5
-
-    def seen_at(self, claim: Claim, since: int = 0) -> Place:
-        """Return where a thing is in view; one on a side is nearby."""
-        mask = self.seen & (np.abs(self.bearing) <= 125.0)
+    def seen_at(self, claim: Claim) -> Fit:
+        """Return what it costs to say that a thing is in view; one on a side is nearby."""
+        ahead = ramp(np.abs(self.bearing), 110.0, 130.0) + NEVER * ~self.seen
         if claim.side in ("left", "right"):
-            near = mask & (self.distance <= BESIDE_M) | (self.near_m <= PASS_M)
-            near &= ~self._behind
-            near &= self._nearest() if claim.what == "thing" else True  # a door is walked up to
-            return self._where(claim, near, "is never in view", since)
-        mask = mask & (self.distance <= SEE_M) | (self.near_m <= PASS_M)
-        return self._where(claim, mask, "is never in view")
+            far = np.minimum(np.maximum(ramp(self.distance, 3.2, 4.0), ahead), ramp(self.near_m, 2.6, 3.3))
+            far = np.maximum(far, NEVER * self._behind)
+            if claim.what == "thing":
+                far = np.maximum(far, ramp(self._beyond_nearest(), 0.4, 0.9))
+        else:
+            far = np.minimum(np.maximum(ramp(self.distance, 7.0, 9.0), ahead), ramp(self.near_m, 2.6, 3.3))
+        return self._of(claim, far, "is never in view")
 
-    def reached(self, claim: Claim, since: int = 0) -> Place:
-        """Return where a thing is at hand, or close ahead."""
-        ahead = (self.near_m <= BESIDE_M) & (np.abs(self.bearing) <= 60.0)
-        return self._where(claim, (self.near_m <= REACH_M) | ahead, "is not reached", since)
+    def reached(self, claim: Claim) -> Fit:
+        """Return what it costs to say that a thing is at hand, or close ahead."""
+        ahead = np.maximum(ramp(self.near_m, 3.2, 4.0), ramp(np.abs(self.bearing), 50.0, 70.0))
+        if claim.what == "door":
+            ahead = np.full_like(ahead, NEVER)
+        reach = (1.2, 2.2) if claim.what == "door" else (2.0, 2.8)
+        return self._of(claim, np.minimum(ramp(self.near_m, *reach), ahead), "is not reached")
 
-    def stopped_at(self, claim: Claim) -> str:
-        """Return why the path does not stop at a thing, "" where it does."""
-        return self._where(claim, self._at_end(claim), "is not at the end of the path")[1]
-
-    def _at_end(self, claim: Claim) -> Mask:
-        """Return (N, S) where things are at the end, as the claim says that they are."""
-        last = np.zeros_like(self.open)
-        reach_m = max(_STOP_M.get(claim.place, 0.0), _STOP_SIDED_M[claim.side])
-        last[:, -2:] = self.near_m[:, -2:] <= reach_m
+    def stopped_at(self, claim: Claim) -> Fit:
+        """Return what it costs to say that the walker stops at a thing, wherever he is."""
         bearing = np.abs(self.bearing)
+        reach = {"before": 2.4, "past": 3.2, "between": 2.4}.get(claim.place, 2.0)
+        reach = max(reach, {"left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}.get(claim.side, 0.0))
+        far = ramp(self.near_m, reach + -0.2, reach + 0.4)
         if claim.place == "past":
-            last[:, -1] &= (bearing[:, -1] >= 60.0) & (self.distance[:, -1] <= reach_m)
-            last[:, -2] = False
+            far = np.maximum(ramp(self.distance, reach, reach + 0.4), ramp(-bearing, -70.0, -50.0))
         elif claim.place == "before":
-            last &= (bearing <= 112.0) | (self.near_m <= 0.6)
+            far = np.maximum(far, np.minimum(ramp(bearing, 100.0, 125.0), ramp(self.near_m, 0.6, 1.0)))
         elif not claim.side:
-            last &= (bearing <= 140.0) | (self.near_m <= 1.4)
-        return last
+            far = np.maximum(far, np.minimum(ramp(bearing, 130.0, 155.0), ramp(self.near_m, 1.4, 2.0)))
+        return self._of(claim, far, "is not at the end of the path")
+
+    def _beyond_nearest(self) -> Costs:
+        """Return (N, S) by how much farther things are than within 2 m of walking [m]."""
+        return _beyond_least(self.near_m, self.along_m[1])
+
+    def _of(self, claim: Claim, far: Costs, fault: str) -> Fit:
+        """Return the fit of the things that a claim may mean, `far` (N, S) from where it says."""
+        name = claim.name or "doorway"
+        rows = self.meant(claim)
+        if not rows:
+            on_level = any(called(n, name) for n in self.facts.level_nouns)
+            return never(self.places, f"there is no {name} {'on the route' if on_level else 'in this scene'}")
+        told: list[Part] = [(far[rows], f"the {name} {fault}")]
+        if claim.what == "thing":
+            own = self._own[rows]
+            first = ((far[rows] <= 0.35) & own).any()  # who names one in the room means that one
+            told.append(((1.2 if first else 0.4) * ~own, f"the {name} is in another room"))
+        for kind, value in (("material", claim.material), ("colour", claim.colour)):
+            # What neither label nor picture says of any of them cannot be checked.
+            looks = [self._looks(n, kind) for n in rows]
+            if value and any(looks):
+                other = np.array([WRONG * (value not in own) for own in looks])[:, None]
+                told.append((other, f"nothing says that the {name} is {value}"))
+        if claim.ordinal:
+            other = WRONG * ~self.ordinal(rows, claim)[:, None]
+            told.append((other, f"that is not {name} number {claim.ordinal}"))
+        if claim.count > 1 and claim.what != "door":
+            told.append((WRONG * ~self._counted(rows, claim.count), f"there are not {claim.count} of them ({name})"))
+        sides: list[Part] = []
+        if claim.side in ("left", "right", "ahead", "behind"):
+            sides.append((self.sided(rows, claim.side), f"the {name} is not {spoken_side(claim.side)}"))
+        return best(far[rows].shape, told, sides)
+
+    def sided(self, rows: list[int], side: str) -> Costs:
+        """Return (N, S) what it costs to say that things are on a side."""
+        bearing, facing = self.bearing[rows], self.facing[rows]
+        if side == "ahead":
+            return ramp(np.minimum(np.abs(facing), np.abs(bearing)), 40.0, 60.0)
+        if side == "behind":
+            return ramp(-np.maximum(np.abs(facing), np.abs(bearing)), -115.0, -95.0)
+        sign = 1 if side == "left" else -1
+        sine = sign * np.sin(np.deg2rad(np.where(np.abs(bearing) <= 8.0, facing, bearing)))
+        return ramp(-sine, -0.4, -0.1)
+
+    # which things -----------------------------------------------------------------------------
 
     def flank(self, claim: Claim, other: Claim, at_end: bool = False) -> bool:
         """Return whether the walker has two things on different sides, on the way or at the end."""
@@ -129,90 +166,6 @@ class Things:
             sides.append(np.where(near, self.facing[rows], np.nan))
         apart = np.abs((sides[0][:, None] - sides[1][None] + 180.0) % 360.0 - 180.0)
         return bool((apart >= _FLANKS_DEG).any())
-
-    def stop_in_view(self, claim: Claim) -> Mask:
-        """Return where a thing that the path stops at is in view."""
-        rows = [n for n in self.meant(claim) if self._at_end(claim)[n].any()]
-        view = self.seen[rows] & (self.distance[rows] <= SEE_M)
-        return np.asarray((view & (np.abs(self.bearing[rows]) <= 125.0)).any(axis=0))
-
-    def abeam_m(self, claim: Claim, since_m: float = 0.0) -> tuple[float, float] | None:
-        """Return the first and last place [m] where what may be meant is passed, None if none."""
-        chosen = [n for n in self.meant(claim) if self.near_m[n].min() <= PASS_M]
-        if claim.side in ("left", "right"):
-            chosen = [n for n in chosen if self.facts.landmarks[n].side in ("", claim.side)]
-        least = min((self.near_m[n].min() for n in chosen), default=0.0)
-        if least <= 0.1:  # none, a rug that is walked over, or a door that is gone through
-            return None
-        chosen = [n for n in chosen if self.near_m[n].min() < least + _CLEARLY_M]
-        across = np.abs(np.abs(self.facing[chosen]) - 90.0) / 15.0 + self.near_m[chosen]
-        places = self.along_m[np.argmin(across, axis=1)]
-        if (later := places[places >= since_m - 1.0]).size:  # not what was passed before
-            places = later
-        return float(places.min()), float(places.max())
-
-    def met_before_end(self, claim: Claim, since: int) -> bool:
-        """Return whether a walker who stops at the first such thing stops in an earlier room."""
-        chosen, room = self.meant(claim), self.facts.goal_room
-        if not chosen or claim.ordinal:
-            return False
-        at = (self.near_m[chosen] <= _STOP_SIDED_M[""]) & self._own[chosen]
-        at[:, :since] = False
-        at[:, self.along_m > self.facts.visits[-1].from_m - 1.0] = False
-        return bool(at.any()) and any(self.facts.landmarks[n].room != room for n in chosen)
-
-    def _where(self, claim: Claim, mask: Mask, fault: str, since: int | None = None) -> Place:
-        """Restrict a mask (N, S) to the things that a claim may mean.
-
-        Args:
-            since: the first place where the walker may be: what he meets first is meant.
-        """
-        nothing = np.zeros(len(self.along_m), dtype=bool)
-        name = claim.name or "doorway"
-        chosen = self.meant(claim)
-        if not chosen:
-            known = any(called(n, name) for n in self.facts.level_nouns)
-            return nothing, f"there is no {name} {'on the route' if known else 'in this scene'}"
-        for kind, value in (("material", claim.material), ("colour", claim.colour)):
-            # What neither label nor picture says of any of them cannot be checked.
-            looks = [self._looks(n, kind) for n in chosen]
-            if value and any(looks):
-                chosen = [n for n, own in zip(chosen, looks, strict=True) if value in own]
-            if not chosen:
-                return nothing, f"nothing says that the {name} is {value}"
-        if since is not None and not claim.ordinal and claim.what == "thing":
-            chosen = self._first_met(chosen, mask, since)
-        here = mask[chosen]
-        if not here.any():
-            return nothing, f"the {name} {fault}"
-        if claim.side in ("left", "right", "ahead", "behind"):
-            here = here & self.sided(chosen, claim.side, here)
-            if not here.any():
-                return nothing, f"the {name} is not {spoken_side(claim.side)}"
-        if claim.ordinal:
-            here = here & self.ordinal(chosen, claim)[:, None]
-            if not here.any():
-                return nothing, f"that is not {name} number {claim.ordinal}"
-        result = np.asarray(here.any(axis=0))
-        if claim.count > 1 and claim.what != "door":
-            result = result & self._counted(chosen, claim.count)
-            if not result.any():
-                return nothing, f"there are not {claim.count} of them ({name})"
-        return result, ""
-
-    def _first_met(self, chosen: list[int], mask: Mask, since: int) -> list[int]:
-        """Return the things that are met first, of those in the walker's own room if any are."""
-        here = mask[chosen].copy()
-        here[:, :since] = False
-        own = (here & self._own[chosen]).any(axis=1)
-        rows = np.flatnonzero(own if own.any() else here.any(axis=1))
-        if not len(rows):
-            return chosen
-        # Who could name one at hand does not mean one across the room.
-        far_m = np.where(here[rows], self.distance[chosen][rows], np.inf).min(axis=1)
-        rows = rows[far_m <= max(_AT_HAND_M, far_m.min() + 1.5)]
-        first_m = self.along_m[here[rows].argmax(axis=1)]
-        return [chosen[k] for k in rows[first_m <= first_m.min() + _ONE_PLACE_M]]
 
     def meant(self, claim: Claim) -> list[int]:
         """Return the things that a claim may mean, by name and room."""
@@ -239,26 +192,6 @@ class Things:
         own = {mark.colour, INNATE_COLOURS.get(mark.noun, "")} - {""}
         return own | {near for colour in own for near in COLOUR_NEIGHBOURS.get(colour, ())}
 
-    def sided(self, chosen: list[int], side: str, where: Mask | None = None) -> Mask:
-        """Return (N, S) where things are on a side; ahead of the walker is on neither.
-
-        Unless they are never clearly on one at the places `where` (N, S).
-        """
-        bearing, facing = self.bearing[chosen], self.facing[chosen]
-        if side == "ahead":
-            return np.minimum(np.abs(facing), np.abs(bearing)) <= 50.0
-        if side == "behind":
-            return np.maximum(np.abs(facing), np.abs(bearing)) >= 105.0
-        sign = 1 if side == "left" else -1
-        low, high = _SIDE_DEG
-        beside = (sign * bearing > low) & (sign * bearing < high)
-        loose = beside | ((sign * facing > low) & (sign * facing < high) & (np.abs(bearing) <= low))
-        if where is None:
-            return loose
-        clear = where & (np.abs(bearing) >= _CLEAR_SIDE_DEG) & (np.abs(bearing) <= 155.0)
-        some = np.asarray(clear.any(axis=1, keepdims=True))
-        return np.where(some, loose & clear, loose)
-
     def ordinal(self, chosen: list[int], claim: Claim) -> Mask:
         """Return which things have an ordinal, counted from the start, in a room, or on a side."""
         marks = self.facts.landmarks
@@ -283,18 +216,24 @@ class Things:
         right = {row[k] for row in rows if (k == -1 and row) or 0 <= k < len(row)}
         return np.array([n in right for n in chosen], dtype=bool)
 
-    def _counted(self, chosen: list[int], number: int) -> Mask:
-        def around(reach_m: float) -> NDArray[np.int64]:
-            rows = self.near_m[chosen] <= reach_m
-            return np.sum([spread(row, self.along_m, 1.5) for row in rows], axis=0)
+    def _counted(self, rows: list[int], number: int) -> Mask:
+        k = max(1, round(1.5 / self.along_m[1]))
+
+        def around(reach_m: float) -> Costs:
+            near = (self.near_m[rows] <= reach_m).astype(float)
+            wide = [np.convolve(row, np.ones(2 * k + 1), mode="same")[: self.places] > 0.5 for row in near]
+            return np.sum(wide, axis=0)
 
         return (around(1.2) <= number) & (number <= around(4.5))
 
 
-def spread(mask: Mask, along_m: NDArray[np.float64], by_m: float) -> Mask:
-    """Return the places within `by_m` of those in `mask`."""
-    k = max(1, round(by_m / along_m[1]))
-    return np.convolve(mask, np.ones(2 * k + 1), mode="same")[: len(mask)] > 0.5
+def _beyond_least(value: Costs, step_m: float) -> Costs:
+    """Return by how much values (N, S) exceed the least within 2 m of walking."""
+    window = max(1, round(2.0 / step_m))
+    padded = np.pad(value, ((0, 0), (window, window)), constant_values=np.inf)
+    views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
+    with np.errstate(invalid="ignore"):
+        return np.nan_to_num(value - views.min(axis=2), nan=NEVER, posinf=NEVER)
 
 
 def room_names(name: str) -> frozenset[str]:

@@ -1,0 +1,113 @@
+"""What stands around a claim in its text."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ..language.claims import Claim
+
+WAYS = ("walk", "in", "door", "leave", "enter")
+_NOTHING = Claim("walk")
+_BY_THE_WAY = ("see", "in", "pass", "reach")
+_FEW_STEPS_M = 3.0
+
+
+@dataclass(frozen=True)
+class Said:
+    """A claim in its text.
+
+    Attributes:
+        claims: of the text.
+        owners: the numbers of their steps.
+        index: of the claim.
+    """
+
+    claims: Sequence[Claim]
+    owners: Sequence[int]
+    index: int
+
+    @property
+    def claim(self) -> Claim:
+        """The claim itself."""
+        return self.claims[self.index]
+
+    @property
+    def before(self) -> Sequence[Claim]:
+        """The claims before it, the last one first."""
+        return self.claims[: self.index][::-1]
+
+    @property
+    def last(self) -> Claim:
+        """The claim before it."""
+        return self.claims[self.index - 1] if self.index else _NOTHING
+
+    @property
+    def following(self) -> Claim:
+        """The claim after it."""
+        return self.claims[self.index + 1] if self.index + 1 < len(self.claims) else _NOTHING
+
+    @property
+    def apart(self) -> bool:
+        """Whether the claim before belongs to another step."""
+        return self.index > 0 and self.owners[self.index - 1] != self.owners[self.index]
+
+    @property
+    def stopped(self) -> bool:
+        """Whether the text has stopped before."""
+        return any(claim.kind == "stop" for claim in self.before)
+
+    @property
+    def moved(self) -> bool:
+        """Whether the text has moved before."""
+        return any(c.kind in ("enter", "door", "leave", "in", "turn", "reach") for c in self.before)
+
+    @property
+    def paced_m(self) -> float:
+        """The distance that leads to the claim, 0 where none does [m]."""
+        kinds = ("see", "pass", "in", "stop")
+        last = next((c for c in self.before if c.kind not in kinds), _NOTHING)
+        return (last.metres or _FEW_STEPS_M * last.vague) if last.kind == "walk" else 0.0
+
+    @property
+    def led_to(self) -> Claim:
+        """What the step does before."""
+        for k in range(self.index - 1, -1, -1):
+            if self.owners[k] != self.owners[self.index]:
+                break
+            if self.claims[k].kind not in ("leave", "see", "pass"):
+                return self.claims[k]
+        return _NOTHING
+
+    @property
+    def turned(self) -> bool:
+        """Whether a turn of the same step says the claim's side."""
+        step = self.owners[self.index]
+        turns = [c for c, owner in zip(self.claims, self.owners, strict=True)
+                 if owner == step and c.kind == "turn"]  # fmt: skip
+        return any(claim.side == self.claim.side for claim in turns)
+
+    @property
+    def neighbours(self) -> tuple[Claim, Claim]:
+        """The claims before and after it that say which way the walker goes."""
+        then = self.claims[self.index + 1 :]
+        since, onward = (next((c for c in row if _leads(c)), _NOTHING) for row in (self.before, then))
+        return since, onward
+
+    @property
+    def straight(self) -> bool:
+        """Whether the way to the claim is called straight."""
+        recent = self.claims[max(self.index - 2, 0) : self.index + 1]
+        return any(claim.side == "ahead" and claim.kind in WAYS for claim in recent)
+
+    @property
+    def is_pair(self) -> bool:
+        """Whether the claim is the second of two things that one is between."""
+        claim, row = self.claim, 0
+        for before in self.before:
+            if before.place != "between" or (before.kind, before.what) != (claim.kind, "thing"):
+                break
+            row += 1
+        return claim.place == "between" and row % 2 == 1
+
+
+def _leads(claim: Claim) -> bool:
+    return claim.kind not in _BY_THE_WAY and (claim.kind != "walk" or bool(claim.side))
