@@ -41,7 +41,7 @@ class Ground(Things):
         inside = self.meant(Claim("door", "door")) if door and not (name or claim.side) else []
         if not found and not inside:
             return never(self.places, f"{what} is not {'left' if claim.kind == 'leave' else 'entered'}")
-        far = [ramp(np.abs(self.along_m - p.along_m), 0.4, 1.2) for p in found]
+        far = [ramp(np.abs(self.along_m - p.along_m), 0.4, 0.9) for p in found]
         # A doorway inside of what the map calls one room.
         far += [ramp(self.distance[inside].min(axis=0), 0.5, 1.0)] if inside else []
         none = [0.0] * (len(far) - len(found))

@@ -125,7 +125,7 @@ class Alignment:
             return 0.3
         if kind in ("pass", "reach") and last in ("enter", "door") and said.apart:
             return 0.2  # not what stands in the room before
-        return {"pass": 0.0, "see": 4.0, "reach": 1.5}.get(kind, 0.9)
+        return {"pass": 0.0, "see": 4.0, "reach": 1.5}.get(kind, 0.9 if last == "turn" else 0.4)
 
     def _stays(self, said: Said) -> tuple[float, float] | None:
         """Return how far ahead the place of a claim may be that does not move the walker [m]."""
@@ -150,12 +150,12 @@ class Alignment:
         if claim.kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
             d = claim.metres
             low = np.minimum(0.2, along[-1] - 0.3 - here) if claim.vague else 0.85 * d - 0.2
-            high = max(4.5, 2.0 * d) if claim.vague else 1.18 * d + 0.3
+            high = max(4.5, 2.0 * d) if claim.vague else 1.15 * d + 0.15
             short = ramp(low - went, 0.0, 0.1 * d + 0.1)
-            parts.append((np.maximum(short, ramp(went - high, 0.0, 0.12 * d + 0.2)),
+            parts.append((np.maximum(short, ramp(went - high, 0.0, 0.12 * d + 0.1)),
                           f"the path does not go on for {d:g} metres"))  # fmt: skip
         elif said.paced_m and (claim.kind in ("door", "enter", "leave", "stop") or claim.what == "door"):
-            parts.append((ramp(went, 1.0, 2.0), f"the {name} is farther than the distance before it"))
+            parts.append((ramp(np.abs(went), 0.1, 0.5), f"the {name} is farther than the distance before it"))
         led_to = said.led_to
         if claim.kind in ("enter", "door", "leave") and led_to.kind in ("door", "turn"):
             if (led_to.kind == "door" and claim.kind != "leave") or led_to.side == claim.side:

@@ -72,14 +72,14 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Costs:
     """Return (S,) whether a claim leads around a turn without saying it."""
     claim, then = said.claim, said.neighbours[1]
     onward = ground.along_m - turn.along_m
+    led = np.zeros(ground.places, dtype=bool)
+    if said.straight and claim.side not in ("left", "right"):
+        return led
     if claim.kind in ("door", "enter", "leave"):
         if then.kind == "turn" or (then.side == "ahead" and then.kind in WAYS):
             own = bool(_doors(ground, turn, -0.1))  # what is behind the door is said
             return (onward >= -0.6) & (onward <= _BEFORE_DOOR_M) & own
-        return (onward >= -1.2) & (onward <= _BEFORE_DOOR_M) & (claim.side != "ahead")
-    led = np.zeros(ground.places, dtype=bool)
-    if said.straight:
-        return led
+        return (onward >= -1.2) & (onward <= _BEFORE_DOOR_M)
     if claim.what == "room" and claim.kind in ("in", "stop"):
         rooms = _doors(ground, turn, -1.0)
         return led | bool(ground.rooms(claim.name) & rooms)
@@ -115,7 +115,7 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
             total += own.angle_deg
             start = ramp(along - own.along_m, slack, slack + 0.8)
             if said.paced_m:
-                start = np.maximum(start, ramp(np.abs(along - own.along_m), 0.9, 1.8))
+                start = np.maximum(start, ramp(np.abs(along - own.along_m), 0.5, 1.0))
             at = along >= min(own.along_m + 0.25, along[-1] - 0.05)
             yield Made(j, after, _called(claim, total, after - j), start,
                        at & (along <= own.along_m + 0.8))  # fmt: skip
