@@ -32,15 +32,21 @@ class Ground(Things):
         names = self.rooms(name)
         found: list[PassageFact] = []
         for p in [*facts.passages, *self._thresholds()]:
-            rooms = {"leave": {p.from_room}, "enter": {p.to_room}}.get(claim.kind, {p.from_room, p.to_room})
+            rooms = {"leave": {p.from_room}, "enter": {p.to_room}}.get(
+                claim.kind, {p.from_room, p.to_room}
+            )
             if door:
                 rooms = {p.from_room, p.to_room}
             if (not name or names & rooms) and (not door or p.doorway or claim.name):
                 found.append(p)
-        what = f"the {'door of the ' * (door and bool(name))}{name or ('doorway' if door else 'room')}"
+        what = (
+            f"the {'door of the ' * (door and bool(name))}{name or ('doorway' if door else 'room')}"
+        )
         inside = self.meant(Claim("door", "door")) if door and not (name or claim.side) else []
         if not found and not inside:
-            return never(self.places, f"{what} is not {'left' if claim.kind == 'leave' else 'entered'}")
+            return never(
+                self.places, f"{what} is not {'left' if claim.kind == 'leave' else 'entered'}"
+            )
         far = [ramp(np.abs(self.along_m - p.along_m), 0.4, 0.9) for p in found]
         # A doorway inside of what the map calls one room.
         far += [ramp(self.distance[inside].min(axis=0), 0.5, 1.0)] if inside else []
@@ -51,8 +57,15 @@ class Ground(Things):
             other = [WRONG * (not {p.from_room, p.to_room} & {*own, ""}) for p in found]
             told.append((_column(other + none), f"one does not come to {what} from the {within}"))
         if claim.ordinal:
-            other = [WRONG * (claim.ordinal not in self._door_numbers(p, claim.side)) for p in found]
-            told.append((_column(other + [WRONG] * len(none)), f"that is not doorway number {claim.ordinal}"))
+            other = [
+                WRONG * (claim.ordinal not in self._door_numbers(p, claim.side)) for p in found
+            ]
+            told.append(
+                (
+                    _column(other + [WRONG] * len(none)),
+                    f"that is not doorway number {claim.ordinal}",
+                )
+            )
         sides: list[Part] = []
         if claim.side in ("left", "right", "ahead", "behind") and not turned:
             cost = [self.door_side(p, claim.side) for p in found]
@@ -81,9 +94,15 @@ class Ground(Things):
             return sum(t.angle_deg for t in turns if low_m <= t.along_m - passage.along_m <= high_m)
 
         if side == "ahead":
-            return float(ramp(min(abs(turned_deg(-1.5, 0.1)), abs(passage.bearing_deg) + 20.0), 40.0, 56.0))
+            return float(
+                ramp(min(abs(turned_deg(-1.5, 0.1)), abs(passage.bearing_deg) + 20.0), 40.0, 56.0)
+            )
         sign = 1 if side == "left" else -1
-        shown = [sign * passage.bearing_deg, sign * turned_deg(-1.0, 0.25), sign * turned_deg(-2.2, 0.6)]
+        shown = [
+            sign * passage.bearing_deg,
+            sign * turned_deg(-1.0, 0.25),
+            sign * turned_deg(-2.2, 0.6),
+        ]
         return float(ramp(-max(shown), -20.0, -10.0))
 
     def _door_numbers(self, passage: PassageFact, side: str) -> set[int]:
@@ -152,7 +171,11 @@ class Ground(Things):
             far = [np.maximum(ramp(p.along_m - self.along_m, 3.5, 5.0), ramp(self.along_m - p.along_m, 0.5, 1.2))
                    for p in entries]  # fmt: skip
             cost = _column([self.door_side(p, claim.side) for p in entries])
-            return best((len(far), self.places), [(np.array(far), f"the {claim.name} is elsewhere")], [(cost, fault)])
+            return best(
+                (len(far), self.places),
+                [(np.array(far), f"the {claim.name} is elsewhere")],
+                [(cost, fault)],
+            )
         doors = [n for n in self._openings(names) if self.near_m[n].min() > THROUGH_M]
         within = [n for n, m in enumerate(self.facts.landmarks) if not m.leads and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
@@ -162,7 +185,11 @@ class Ground(Things):
             far = ramp(far_m, reach_m, reach_m + 1.0)
             far = np.maximum(far, ramp(far_m - min(far_m.min(initial=np.inf), 99.0), 0.6, 1.2))
             if (far < 1.0).any():
-                return best(far.shape, [(far, f"the {claim.name} is not near")], [(self.sided(rows, claim.side), fault)])
+                return best(
+                    far.shape,
+                    [(far, f"the {claim.name} is not near")],
+                    [(self.sided(rows, claim.side), fault)],
+                )
         return never(self.places, fault)
 
     def room_passed(self, claim: Claim) -> Fit:
@@ -179,7 +206,9 @@ class Ground(Things):
             inside = np.maximum(inside, self._room_side(claim, names).cost)
         far = np.minimum(beside.min(axis=0, initial=NEVER), inside)
         fault = f"the path does not come by the {claim.name}"
-        return best((1, self.places), [(far, fault + f" {spoken_side(claim.side)}" * bool(claim.side))])
+        return best(
+            (1, self.places), [(far, fault + f" {spoken_side(claim.side)}" * bool(claim.side))]
+        )
 
     def _openings(self, names: frozenset[str]) -> list[int]:
         """Return the doorways and openings that lead to a room."""

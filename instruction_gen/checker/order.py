@@ -87,7 +87,9 @@ class Alignment:
         ground, claim = self.ground, said.claim
         kind, what = claim.kind, claim.what
         if kind == "avoid":
-            return best((1, ground.places), [(self._entered(said), f"the path does enter the {claim.name}")])
+            return best(
+                (1, ground.places), [(self._entered(said), f"the path does enter the {claim.name}")]
+            )
         if kind == "walk" or (kind, what) == ("stop", ""):
             return best((1, ground.places), [(0.0, "")])
         if kind == "stop":
@@ -98,17 +100,27 @@ class Alignment:
             return ground.crossed(claim, within, said.turned)
         if what == "room":
             view = kind == "see" or (kind == "reach" and claim.side)
-            return (ground.room_in_view if view else ground.room_passed if kind == "pass" else ground.inside)(claim)
+            return (
+                ground.room_in_view
+                if view
+                else ground.room_passed
+                if kind == "pass"
+                else ground.inside
+            )(claim)
         fit = {"pass": ground.passed, "see": ground.seen_at, "reach": ground.reached}[kind](claim)
         if kind == "pass" and what == "door" and claim.count > 1:
             row = np.vstack([fit.parts, ground.doors_passed(claim)])
-            fit = Fit(row, (*fit.reasons, f"there are not {claim.count} doorways to pass"), fit.first)
+            fit = Fit(
+                row, (*fit.reasons, f"there are not {claim.count} doorways to pass"), fit.first
+            )
         return fit
 
     def _entered(self, said: Said) -> float:
         """Return what it costs to say that a room is not entered."""
         facts, names = self.ground.facts, self.ground.rooms(said.claim.name)
-        rooms = (self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave"))
+        rooms = (
+            self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave")
+        )
         again = any(names & own for own in rooms) or facts.level_rooms.count(said.claim.name) > 1
         return NEVER * (not again and any(v.room in names for v in facts.visits[1:]))
 
@@ -144,8 +156,13 @@ class Alignment:
         back_m = self._back(said)
         parts: list[Part] = [(ramp(-went, back_m, back_m + 0.6),
                               f"the {name} comes earlier on the path than the text says")]  # fmt: skip
-        free = not (claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name)))
-        if free and (claim.kind == "door" or (claim.what == "thing" and claim.kind in ("pass", "see", "reach"))):
+        free = not (
+            claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name))
+        )
+        if free and (
+            claim.kind == "door"
+            or (claim.what == "thing" and claim.kind in ("pass", "see", "reach"))
+        ):
             parts.append((self._beyond_first(fit), f"the first {name} on the way is another one"))
         if claim.kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
             d = claim.metres
@@ -154,8 +171,12 @@ class Alignment:
             short = ramp(low - went, 0.0, 0.1 * d + 0.1)
             parts.append((np.maximum(short, ramp(went - high, 0.0, 0.12 * d + 0.1)),
                           f"the path does not go on for {d:g} metres"))  # fmt: skip
-        elif said.paced_m and (claim.kind in ("door", "enter", "leave", "stop") or claim.what == "door"):
-            parts.append((ramp(np.abs(went), 0.1, 0.5), f"the {name} is farther than the distance before it"))
+        elif said.paced_m and (
+            claim.kind in ("door", "enter", "leave", "stop") or claim.what == "door"
+        ):
+            parts.append(
+                (ramp(np.abs(went), 0.1, 0.5), f"the {name} is farther than the distance before it")
+            )
         led_to = said.led_to
         if claim.kind in ("enter", "door", "leave") and led_to.kind in ("door", "turn"):
             if (led_to.kind == "door" and claim.kind != "leave") or led_to.side == claim.side:
@@ -164,16 +185,30 @@ class Alignment:
                 between = np.maximum(self._rooms_before(0.9) - self._rooms_before(0.4)[:, None], 0)
                 parts.append((0.75 * WRONG * between, f"another room comes before the {name}"))
         if claim.kind in ("leave", "in") and claim.name and not said.moved:
-            late = np.maximum(self._rooms_before(0.9 + (claim.kind == "in")) - (claim.kind == "in"), 0)
+            late = np.maximum(
+                self._rooms_before(0.9 + (claim.kind == "in")) - (claim.kind == "in"), 0
+            )
             parts.append((0.75 * WRONG * late, f"the path does not start in the {name}"))
         if claim.kind == "stop":
             parts.append((ramp(along[-1] - there, 0.0, 0.1), "the path goes on"))
             if not claim.what:
-                parts.append((ramp(went, 2.2, 3.6), "the path goes on farther than what is named before the stop"))
+                parts.append(
+                    (
+                        ramp(went, 2.2, 3.6),
+                        "the path goes on farther than what is named before the stop",
+                    )
+                )
             elif claim.what == "thing" and not (claim.room or claim.ordinal):
-                parts.append((self._met_before(said, fit), f"the first {name} on the way is not where the path ends"))
+                parts.append(
+                    (
+                        self._met_before(said, fit),
+                        f"the first {name} on the way is not where the path ends",
+                    )
+                )
         elif said.stopped and claim.kind not in ("avoid", "walk"):
-            parts.append((ramp(along[-1] - there, 0.6, 1.2), f"the {name} is not where the path ends"))
+            parts.append(
+                (ramp(along[-1] - there, 0.6, 1.2), f"the {name} is not where the path ends")
+            )
         if said.is_pair and not self.ground.flank(said.last, claim, claim.kind == "stop"):
             parts.append((NEVER, f"one is not between the {said.last.name} and the {name}"))
         return [(np.broadcast_to(cost, (len(along),) * 2), reason) for cost, reason in parts]
@@ -236,7 +271,9 @@ class Alignment:
             at = int(seen[s]) if stays else s
             every = [(float(cost[since_s, at]), reason) for cost, reason in parts]
             every.append((float(fit.cost[at]), fit.reason(at)))
-            turns = [(float(left[j, s]), j) for j in range(since_m, m)] + [(float(pending[m, s]), m)]
+            turns = [(float(left[j, s]), j) for j in range(since_m, m)] + [
+                (float(pending[m, s]), m)
+            ]
             place = "" if claim.kind == "stop" else f" before the {name}"
             return every + [(cost, f"the turn to the {self.turns[j].side}{place} is not mentioned")
                             for cost, j in turns if cost]  # fmt: skip
@@ -250,7 +287,9 @@ class Alignment:
         left = [left_out(turn, straight, np.inf) for turn in self.turns]
         for turn in made(self.ground, said):
             for m in range(turn.first + 1):
-                value = before[m] + turn.start**2 + turn.cost**2 + np.square(left[m : turn.first]).sum()
+                value = (
+                    before[m] + turn.start**2 + turn.cost**2 + np.square(left[m : turn.first]).sum()
+                )
                 s, to = int(value.argmin()), turn.after
                 better = turn.at & (value[s] < result[to])
                 result[to, better], origin[:, to, better] = value[s], [[m], [s]]

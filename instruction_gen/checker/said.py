@@ -89,7 +89,9 @@ class Said:
     def neighbours(self) -> tuple[Claim, Claim]:
         """The claims before and after it that say which way the walker goes."""
         then = self.claims[self.index + 1 :]
-        since, onward = (next((c for c in row if _leads(c)), _NOTHING) for row in (self.before, then))
+        since, onward = (
+            next((c for c in row if _leads(c)), _NOTHING) for row in (self.before, then)
+        )
         return since, onward
 
     @property
@@ -110,4 +112,5 @@ class Said:
 
 
 def _leads(claim: Claim) -> bool:
-    return claim.kind not in _BY_THE_WAY and (claim.kind != "walk" or bool(claim.side))
+    told = claim.kind not in (*_BY_THE_WAY, "walk")
+    return told or (claim.side == "ahead" and claim.kind in WAYS)

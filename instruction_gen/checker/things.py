@@ -82,12 +82,16 @@ class Things:
         """Return what it costs to say that a thing is in view; one on a side is nearby."""
         ahead = ramp(np.abs(self.bearing), 110.0, 130.0) + NEVER * ~self.seen
         if claim.side in ("left", "right"):
-            far = np.minimum(np.maximum(ramp(self.distance, 3.2, 4.0), ahead), ramp(self.near_m, 2.6, 3.3))
+            far = np.minimum(
+                np.maximum(ramp(self.distance, 3.2, 4.0), ahead), ramp(self.near_m, 2.6, 3.3)
+            )
             far = np.maximum(far, NEVER * self._behind)
             if claim.what == "thing":
                 far = np.maximum(far, ramp(self._beyond_nearest(), 0.4, 0.9))
         else:
-            far = np.minimum(np.maximum(ramp(self.distance, 7.0, 9.0), ahead), ramp(self.near_m, 2.6, 3.3))
+            far = np.minimum(
+                np.maximum(ramp(self.distance, 7.0, 9.0), ahead), ramp(self.near_m, 2.6, 3.3)
+            )
         return self._of(claim, far, "is never in view")
 
     def reached(self, claim: Claim) -> Fit:
@@ -102,14 +106,20 @@ class Things:
         """Return what it costs to say that the walker stops at a thing, wherever he is."""
         bearing = np.abs(self.bearing)
         reach = {"before": 2.4, "past": 3.2, "between": 2.4}.get(claim.place, 2.0)
-        reach = max(reach, {"left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}.get(claim.side, 0.0))
+        reach = max(
+            reach, {"left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}.get(claim.side, 0.0)
+        )
         far = ramp(self.near_m, reach + -0.2, reach + 0.4)
         if claim.place == "past":
-            far = np.maximum(ramp(self.distance, reach, reach + 0.4), ramp(-bearing, -70.0, -50.0))
+            far = np.maximum(ramp(self.distance, reach, reach + 0.4), ramp(-bearing, -65.0, -55.0))
         elif claim.place == "before":
-            far = np.maximum(far, np.minimum(ramp(bearing, 100.0, 125.0), ramp(self.near_m, 0.6, 1.0)))
+            far = np.maximum(
+                far, np.minimum(ramp(bearing, 100.0, 125.0), ramp(self.near_m, 0.6, 1.0))
+            )
         elif not claim.side:
-            far = np.maximum(far, np.minimum(ramp(bearing, 130.0, 155.0), ramp(self.near_m, 1.4, 2.0)))
+            far = np.maximum(
+                far, np.minimum(ramp(bearing, 130.0, 155.0), ramp(self.near_m, 1.4, 2.0))
+            )
         return self._of(claim, far, "is not at the end of the path")
 
     def _beyond_nearest(self) -> Costs:
@@ -122,7 +132,9 @@ class Things:
         rows = self.meant(claim)
         if not rows:
             on_level = any(called(n, name) for n in self.facts.level_nouns)
-            return never(self.places, f"there is no {name} {'on the route' if on_level else 'in this scene'}")
+            return never(
+                self.places, f"there is no {name} {'on the route' if on_level else 'in this scene'}"
+            )
         told: list[Part] = [(far[rows], f"the {name} {fault}")]
         if claim.what == "thing":
             own = self._own[rows]
@@ -138,10 +150,17 @@ class Things:
             other = WRONG * ~self.ordinal(rows, claim)[:, None]
             told.append((other, f"that is not {name} number {claim.ordinal}"))
         if claim.count > 1 and claim.what != "door":
-            told.append((WRONG * ~self._counted(rows, claim.count), f"there are not {claim.count} of them ({name})"))
+            told.append(
+                (
+                    WRONG * ~self._counted(rows, claim.count),
+                    f"there are not {claim.count} of them ({name})",
+                )
+            )
         sides: list[Part] = []
         if claim.side in ("left", "right", "ahead", "behind"):
-            sides.append((self.sided(rows, claim.side), f"the {name} is not {spoken_side(claim.side)}"))
+            sides.append(
+                (self.sided(rows, claim.side), f"the {name} is not {spoken_side(claim.side)}")
+            )
         return best(far[rows].shape, told, sides)
 
     def sided(self, rows: list[int], side: str) -> Costs:
@@ -221,7 +240,10 @@ class Things:
 
         def around(reach_m: float) -> Costs:
             near = (self.near_m[rows] <= reach_m).astype(float)
-            wide = [np.convolve(row, np.ones(2 * k + 1), mode="same")[: self.places] > 0.5 for row in near]
+            wide = [
+                np.convolve(row, np.ones(2 * k + 1), mode="same")[: self.places] > 0.5
+                for row in near
+            ]
             return np.sum(wide, axis=0)
 
         return (around(1.2) <= number) & (number <= around(4.5))

@@ -76,11 +76,14 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Costs:
     if said.straight and claim.side not in ("left", "right"):
         return led
     if claim.kind in ("door", "enter", "leave"):
+        if claim.side == turn.side:
+            return np.abs(onward) <= _BEFORE_DOOR_M
         if then.kind == "turn" or (then.side == "ahead" and then.kind in WAYS):
             own = bool(_doors(ground, turn, -0.1))  # what is behind the door is said
             return (onward >= -0.6) & (onward <= _BEFORE_DOOR_M) & own
         return (onward >= -1.2) & (onward <= _BEFORE_DOOR_M)
-    if claim.what == "room" and claim.kind in ("in", "stop"):
+    aside = claim.kind in ("see", "reach") and claim.side == turn.side
+    if claim.what == "room" and (claim.kind in ("in", "stop") or aside):
         rooms = _doors(ground, turn, -1.0)
         return led | bool(ground.rooms(claim.name) & rooms)
     if claim.what == "thing" and claim.kind in ("pass", "stop", "reach"):
@@ -132,7 +135,9 @@ def no_turn(ground: Ground, said: Said, count: int) -> Costs:
     if last and last.side == claim.side and abs(last.angle_deg) >= _TWICE_DEG:
         cost = np.maximum(ramp(np.abs(along - last.along_m), 2.0, 3.0), _TOLD_TWICE)
     if claim.degree == "slight":
-        other = [ramp(-np.abs(along - t.along_m), -1.5, -0.7) for t in turns if t.side != claim.side]
+        other = [
+            ramp(-np.abs(along - t.along_m), -1.5, -0.7) for t in turns if t.side != claim.side
+        ]
         cost = np.minimum(cost, _TOO_SLIGHT + np.max([0.0 * along, *other], axis=0))
     return cost
 
@@ -145,6 +150,8 @@ def _called(claim: Claim, degrees: float, bends: int) -> float:
     if (degrees > 0) != (claim.side == "left"):
         return float(ramp(-size, -170.0, -158.0)) if bends == 1 else NEVER
     if claim.degree:
-        return float(ramp(size, 66.0, 84.0) if claim.degree == "slight" else ramp(-size, -80.0, -62.0))
+        return float(
+            ramp(size, 66.0, 84.0) if claim.degree == "slight" else ramp(-size, -80.0, -62.0)
+        )
     most_deg = 200.0 if bends == 1 else 130.0
     return float(max(ramp(-size, -38.0, -16.0), ramp(size, most_deg, most_deg + 20.0)))
