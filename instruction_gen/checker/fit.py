@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-Costs = NDArray[np.float64]
+Costs = NDArray[np.floating[Any]]
+Mask = NDArray[np.bool_]
 Part = tuple[Costs | float, str]  # (N, S) or what broadcasts to it, and what is wrong
 
 NEVER, WRONG = 9.0, 2.0  # what cannot be, and what is plainly another
@@ -46,7 +48,7 @@ def never(places: int, reason: str) -> Fit:
     return best((1, places), [(NEVER, reason)])
 
 
-def best(shape: tuple[int, int], told: Sequence[Part], sides: Sequence[Part] = ()) -> Fit:
+def best(shape: tuple[int, ...], told: Sequence[Part], sides: Sequence[Part] = ()) -> Fit:
     """Return the fit of the best of N candidates at each of S places, `shape` (N, S).
 
     Args:

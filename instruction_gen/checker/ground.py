@@ -8,7 +8,7 @@ from ..facts.doors import DOOR, OPENING
 from ..facts.records import PassageFact
 from ..language.claims import Claim
 from .fit import NEVER, WRONG, Costs, Fit, Part, best, never, ramp
-from .things import BESIDE_M, THROUGH_M, Things, spoken_side
+from .things import BESIDE_M, Things, spoken_side
 
 _AT_DOOR_M = 0.4, 1.2  # from the middle of a passage
 _AT_ONCE_M = 1.5  # a turn so far behind a door is made before doorways are counted
@@ -127,17 +127,18 @@ class Ground(Things):
         return numbers | ({-1} if last else set())
 
     def doors_passed(self, claim: Claim) -> Costs:
-        """Return (S,) what it costs to pass as many doorways from a place on to the next passage."""
-        marks = [(self.facts.landmarks[n], self.near_m[n].min()) for n in self.meant(claim)]
-        beside = [m.along_m for m, near_m in marks
-                  if THROUGH_M < near_m <= BESIDE_M and claim.side in ("", m.side)]  # fmt: skip
-        passages = [p.along_m for p in self.facts.passages]
-        result = np.zeros(self.places)
-        for k, at in enumerate(self.along_m):
-            to_m = next((p for p in passages if p > at + 0.5), self.length_m + 1.0)
-            from_m = max([p for p in passages if p <= at + 0.5], default=0.0)
-            result[k] = claim.count - sum(from_m - 0.5 <= a < to_m for a in beside)
-        return WRONG * np.clip(result, 0.0, 1.0)
+        """Return (S,) what it costs to pass the doorways of a claim in the room of a place."""
+        marks = self.facts.landmarks
+        beside = [marks[n].along_m for n in self.meant(claim)
+                  if not self.through()[n] and self.near_m[n].min() <= BESIDE_M
+                  and claim.side in ("", marks[n].side)]  # fmt: skip
+        passages = np.array([-0.5, *(p.along_m for p in self.facts.passages), self.length_m + 1.0])
+        result = []
+        for at_m in self.along_m:
+            k = int(np.searchsorted(passages, at_m + 0.5))
+            number = sum(passages[k - 1] - 0.5 <= a < passages[k] for a in beside)
+            result.append(WRONG * (number < claim.count))
+        return np.array(result)
 
     def inside(self, claim: Claim) -> Fit:
         """Return what it costs to say that the walker is in a room."""
@@ -168,15 +169,15 @@ class Ground(Things):
         fault = f"the {claim.name} is not {spoken_side(claim.side)}"
         entries = [p for p in self.facts.passages if p.to_room in names]
         if entries:
-            far = [np.maximum(ramp(p.along_m - self.along_m, 3.5, 5.0), ramp(self.along_m - p.along_m, 0.5, 1.2))
-                   for p in entries]  # fmt: skip
+            off = [self.along_m - p.along_m for p in entries]
+            far = np.array([np.maximum(ramp(-m, 3.5, 5.0), ramp(m, 0.5, 1.2)) for m in off])
             cost = _column([self.door_side(p, claim.side) for p in entries])
             return best(
                 (len(far), self.places),
-                [(np.array(far), f"the {claim.name} is elsewhere")],
+                [(far, f"the {claim.name} is elsewhere")],
                 [(cost, fault)],
             )
-        doors = [n for n in self._openings(names) if self.near_m[n].min() > THROUGH_M]
+        doors = [n for n in self._openings(names) if not self.through()[n]]
         within = [n for n, m in enumerate(self.facts.landmarks) if not m.leads and m.room in names]
         for rows, reach_m in ((doors, _DOOR_NEAR_M), (within, _SEEN_IN_M)):
             off = np.abs(self.bearing[rows])
@@ -197,12 +198,12 @@ class Ground(Things):
         names = self.rooms(claim.name)
         rows = self._openings(names)
         off = np.abs(np.abs(self.bearing[rows]) - 90.0)
-        beside = np.max([ramp(self._beyond_nearest()[rows], 0.4, 0.9), ramp(self.near_m[rows], 2.6, 3.3),
-                         ramp(off, 55.0, 75.0)], axis=0)  # fmt: skip
+        near = np.maximum(self._beyond_nearest()[rows], ramp(self.near_m[rows], 2.6, 3.3))
+        beside = np.maximum(near, ramp(off, 55.0, 75.0))
         inside = self.inside(claim).cost
         if claim.side in ("left", "right"):
             beside = np.maximum(beside, self.sided(rows, claim.side))
-            beside = beside + NEVER * (self.near_m[rows].min(axis=1, keepdims=True) <= THROUGH_M)
+            beside = beside + NEVER * self.through()[rows]
             inside = np.maximum(inside, self._room_side(claim, names).cost)
         far = np.minimum(beside.min(axis=0, initial=NEVER), inside)
         fault = f"the path does not come by the {claim.name}"
@@ -244,8 +245,8 @@ class Ground(Things):
             rooms |= {last.from_room, last.to_room}
         own = facts.goal_room in names and facts.visits[-1].exits <= 1
         other = WRONG * bool(claim.room and not names & rooms and not (own and far_m <= reach))
-        parts: list[Part] = [(cost, "no doorway is at the end of the path"),
-                             (other, f"the doorway at the end of the path is not that of the {claim.room}")]  # fmt: skip
+        fault = f"the doorway at the end of the path is not that of the {claim.room}"
+        parts: list[Part] = [(cost, "no doorway is at the end of the path"), (other, fault)]
         if (claim.side or claim.ordinal) and far_m <= reach:
             own_fit = self.stopped_at(replace(claim, place=""))
             parts.append((own_fit.cost, own_fit.reason(self.places - 1)))

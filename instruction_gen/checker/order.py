@@ -18,7 +18,7 @@ from .ground import Ground
 from .said import Said
 from .turns import left_out, made, no_turn, unsaid
 
-LIMIT = 0.85  # the root of the sum of the squares of all costs
+LIMIT = 0.75  # the root of the sum of the squares of all costs
 _FIRST = 0.35  # who meets what costs no more than this means it
 _STAYS_M = 4.0, 7.0
 _Told = list[tuple[float, str]]
@@ -150,67 +150,54 @@ class Alignment:
 
     def _moves(self, said: Said, fit: Fit) -> list[tuple[Costs, str]]:
         """Return what it costs to go from one place (rows) to another (columns) by a claim."""
-        claim, along, facts = said.claim, self.along, self.ground.facts
-        here, there = along[:, None], along[None, :]
-        name, went = claim.text or "doorway", there - here
+        claim, along, kind = said.claim, self.along, said.claim.kind
+        here, there, end = along[:, None], along[None, :], along[-1]
+        went, led_to = there - here, said.led_to
+        name = f"the {claim.text or 'doorway'}"
         back_m = self._back(said)
-        parts: list[Part] = [(ramp(-went, back_m, back_m + 0.6),
-                              f"the {name} comes earlier on the path than the text says")]  # fmt: skip
-        free = not (
-            claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name))
+        parts: list[Part] = []
+
+        def add(cost: Costs | float, reason: str) -> None:
+            parts.append((cost, reason))
+
+        add(
+            ramp(-went, back_m, back_m + 0.6),
+            f"{name} comes earlier on the path than the text says",
         )
-        if free and (
-            claim.kind == "door"
-            or (claim.what == "thing" and claim.kind in ("pass", "see", "reach"))
-        ):
-            parts.append((self._beyond_first(fit), f"the first {name} on the way is another one"))
-        if claim.kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
+        own = claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name))
+        meant = kind == "door" or (claim.what == "thing" and kind in ("pass", "see", "reach"))
+        if meant and not own:
+            add(self._beyond_first(fit), f"the first {claim.text} on the way is another one")
+        if kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
             d = claim.metres
-            low = np.minimum(0.2, along[-1] - 0.3 - here) if claim.vague else 0.85 * d - 0.2
+            low = np.minimum(0.2, end - 0.3 - here) if claim.vague else 0.85 * d - 0.2
             high = max(4.5, 2.0 * d) if claim.vague else 1.15 * d + 0.15
-            short = ramp(low - went, 0.0, 0.1 * d + 0.1)
-            parts.append((np.maximum(short, ramp(went - high, 0.0, 0.12 * d + 0.1)),
-                          f"the path does not go on for {d:g} metres"))  # fmt: skip
-        elif said.paced_m and (
-            claim.kind in ("door", "enter", "leave", "stop") or claim.what == "door"
-        ):
-            parts.append(
-                (ramp(np.abs(went), 0.1, 0.5), f"the {name} is farther than the distance before it")
-            )
-        led_to = said.led_to
-        if claim.kind in ("enter", "door", "leave") and led_to.kind in ("door", "turn"):
-            if (led_to.kind == "door" and claim.kind != "leave") or led_to.side == claim.side:
-                parts.append((ramp(went, 0.8, 1.8), f"the {name} is not there"))  # one manoeuvre
-            if claim.kind != "leave":
-                between = np.maximum(self._rooms_before(0.9) - self._rooms_before(0.4)[:, None], 0)
-                parts.append((0.75 * WRONG * between, f"another room comes before the {name}"))
-        if claim.kind in ("leave", "in") and claim.name and not said.moved:
-            late = np.maximum(
-                self._rooms_before(0.9 + (claim.kind == "in")) - (claim.kind == "in"), 0
-            )
-            parts.append((0.75 * WRONG * late, f"the path does not start in the {name}"))
-        if claim.kind == "stop":
-            parts.append((ramp(along[-1] - there, 0.0, 0.1), "the path goes on"))
+            off = ramp(low - went, 0.0, 0.1 * d + 0.1), ramp(went - high, 0.0, 0.12 * d + 0.1)
+            add(np.maximum(*off), f"the path does not go on for {d:g} metres")
+        elif said.paced_m and (kind in ("door", "enter", "leave", "stop") or claim.what == "door"):
+            add(ramp(np.abs(went), 0.1, 0.5), f"{name} is farther than the distance before it")
+        if kind in ("enter", "door", "leave") and led_to.kind in ("door", "turn"):
+            # One manoeuvre, which goes through no other room.
+            if (led_to.kind == "door" and kind != "leave") or led_to.side == claim.side:
+                add(ramp(went, 0.8, 1.8), f"{name} is not where the text turns or leads through")
+            if kind != "leave":
+                between = self._rooms_before(0.9) - self._rooms_before(0.4)[:, None]
+                add(0.75 * WRONG * np.maximum(between, 0.0), f"another room comes before {name}")
+        if kind in ("leave", "in") and claim.name and not said.moved:
+            one = float(kind == "in")
+            late = np.maximum(self._rooms_before(0.9 + one) - one, 0.0)
+            add(0.75 * WRONG * late, f"the path does not start in {name}")
+        if kind == "stop":
+            add(ramp(end - there, 0.0, 0.1), "the path goes on")
             if not claim.what:
-                parts.append(
-                    (
-                        ramp(went, 2.2, 3.6),
-                        "the path goes on farther than what is named before the stop",
-                    )
-                )
+                add(ramp(went, 2.2, 3.6), "the path goes on farther than what is named before")
             elif claim.what == "thing" and not (claim.room or claim.ordinal):
-                parts.append(
-                    (
-                        self._met_before(said, fit),
-                        f"the first {name} on the way is not where the path ends",
-                    )
-                )
-        elif said.stopped and claim.kind not in ("avoid", "walk"):
-            parts.append(
-                (ramp(along[-1] - there, 0.6, 1.2), f"the {name} is not where the path ends")
-            )
-        if said.is_pair and not self.ground.flank(said.last, claim, claim.kind == "stop"):
-            parts.append((NEVER, f"one is not between the {said.last.name} and the {name}"))
+                met = f"the first {claim.name} on the way is not where the path ends"
+                add(self._met_before(said, fit), met)
+        elif said.stopped and kind not in ("avoid", "walk"):
+            add(ramp(end - there, 0.6, 1.2), f"{name} is not where the path ends")
+        if said.is_pair and not self.ground.flank(said.last, claim, kind == "stop"):
+            add(NEVER, f"one is not between the {said.last.name} and {name}")
         return [(np.broadcast_to(cost, (len(along),) * 2), reason) for cost, reason in parts]
 
     def _rooms_before(self, by_m: float) -> Costs:

@@ -1,7 +1,6 @@
 """What it costs to say that a thing is passed, seen, reached, or stopped at along a path."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..facts.doors import DOOR, OPENING
 from ..facts.geometry import MOMENT_M
@@ -9,12 +8,11 @@ from ..facts.records import PathFacts
 from ..language.claims import Claim
 from ..language.lexicon import COLOUR_NEIGHBOURS, INNATE_COLOURS, OBJECT_PHRASES, ROOM_PHRASES
 from ..language.nouns import called, room_answers
-from .fit import NEVER, WRONG, Costs, Fit, Part, best, never, ramp
-
-Mask = NDArray[np.bool_]
+from .fit import NEVER, WRONG, Costs, Fit, Mask, Part, best, never, ramp
 
 BESIDE_M = 3.6
-THROUGH_M = 0.4
+FAR_M = 99.0
+_THROUGH_M = 0.4
 _TOUCH_M = 0.8  # a thing this near is at hand whatever stands between
 _VISIBLE_PIXELS = 12
 _BEHIND_DEG, _FRONT_DEG = 130.0, 75.0
@@ -61,37 +59,36 @@ class Things:
     def passed(self, claim: Claim) -> Fit:
         """Return what it costs to say that a thing is passed."""
         off = np.where(self.distance <= 0.3, 0.0, np.abs(np.abs(self.bearing) - 90.0))
-        with np.errstate(invalid="ignore"):
-            angle = np.deg2rad(self.facing)
-            to_go = self.near_m * np.abs(np.cos(angle)) / np.maximum(np.abs(np.sin(angle)), 0.2)
-            to_go = np.nan_to_num(to_go, nan=99.0, posinf=99.0)
-        to_go = np.where(self.distance <= 0.3, 0.0, to_go)
-        parts = [ramp(self.near_m, 2.6, 3.3), ramp(off, 50.0, 75.0), ramp(_beyond_least(to_go, self.along_m[1]), 0.2, 0.6),
-                 ramp(self._beyond_nearest(), 0.4, 0.9), NEVER * self._behind]  # fmt: skip
+        angle = np.deg2rad(self.facing)
+        near_m = np.minimum(self.near_m, FAR_M)
+        to_go_m = near_m * np.abs(np.cos(angle)) / np.maximum(np.abs(np.sin(angle)), 0.2)
+        to_go_m = np.where(self.distance <= 0.3, 0.0, to_go_m)  # a rug that is walked over
+        abeam = np.max([
+            ramp(near_m, 2.6, 3.3), ramp(off, 50.0, 75.0), self._beyond_nearest(),
+            ramp(_beyond_least(to_go_m, self.along_m[1]), 0.2, 0.6), NEVER * self._behind,
+        ], axis=0)  # fmt: skip
         if claim.side:  # ahead where it is never abeam
-            ahead = np.maximum(ramp(self.near_m, 3.0, 3.8), ramp(np.abs(self.bearing), 50.0, 65.0))
-            abeam = np.max(parts, axis=0)
+            ahead = np.maximum(ramp(near_m, 3.0, 3.8), ramp(np.abs(self.bearing), 50.0, 65.0))
             ahead += NEVER * (abeam <= 0.6).any(axis=1, keepdims=True)
-            parts = [np.minimum(abeam, 0.5 + ahead)]
+            abeam = np.minimum(abeam, 0.5 + ahead)
         if claim.what == "door" and claim.side:  # one that is gone through is on no side
-            through = self.near_m.min(axis=1, keepdims=True) <= THROUGH_M
-            parts = [np.maximum(np.max(parts, axis=0), NEVER * through)]
-        return self._of(claim, np.max(parts, axis=0), "is not beside the path")
+            abeam = np.maximum(abeam, NEVER * self.through())
+        return self._of(claim, abeam, "is not beside the path")
+
+    def through(self) -> Mask:
+        """Return (N, 1) which doorways are gone through."""
+        return np.asarray(self.near_m.min(axis=1, keepdims=True) <= _THROUGH_M)
 
     def seen_at(self, claim: Claim) -> Fit:
         """Return what it costs to say that a thing is in view; one on a side is nearby."""
-        ahead = ramp(np.abs(self.bearing), 110.0, 130.0) + NEVER * ~self.seen
-        if claim.side in ("left", "right"):
-            far = np.minimum(
-                np.maximum(ramp(self.distance, 3.2, 4.0), ahead), ramp(self.near_m, 2.6, 3.3)
-            )
+        view = ramp(np.abs(self.bearing), 110.0, 130.0) + NEVER * ~self.seen
+        sided = claim.side in ("left", "right")
+        view = np.maximum(view, ramp(self.distance, *((3.2, 4.0) if sided else (7.0, 9.0))))
+        far = np.minimum(view, ramp(self.near_m, 2.6, 3.3))
+        if sided:
             far = np.maximum(far, NEVER * self._behind)
-            if claim.what == "thing":
-                far = np.maximum(far, ramp(self._beyond_nearest(), 0.4, 0.9))
-        else:
-            far = np.minimum(
-                np.maximum(ramp(self.distance, 7.0, 9.0), ahead), ramp(self.near_m, 2.6, 3.3)
-            )
+        if sided and claim.what == "thing":  # a door is walked up to
+            far = np.maximum(far, self._beyond_nearest())
         return self._of(claim, far, "is never in view")
 
     def reached(self, claim: Claim) -> Fit:
@@ -123,8 +120,8 @@ class Things:
         return self._of(claim, far, "is not at the end of the path")
 
     def _beyond_nearest(self) -> Costs:
-        """Return (N, S) by how much farther things are than within 2 m of walking [m]."""
-        return _beyond_least(self.near_m, self.along_m[1])
+        """Return (N, S) what it costs that things are farther than within 2 m of walking."""
+        return ramp(_beyond_least(np.minimum(self.near_m, FAR_M), self.along_m[1]), 0.4, 0.9)
 
     def _of(self, claim: Claim, far: Costs, fault: str) -> Fit:
         """Return the fit of the things that a claim may mean, `far` (N, S) from where it says."""
@@ -221,7 +218,7 @@ class Things:
         near.sort(key=lambda n: marks[n].along_m)
         rows = [near]
         if claim.side in ("left", "right"):  # where it is nearest, not behind a later turn
-            through = self.near_m.min(axis=1) <= THROUGH_M
+            through = self.through()[:, 0]
             rows = [[n for n in near if marks[n].side in ("", claim.side) or through[n]]]
         visited = {"", *(visit.room for visit in self.facts.visits)}
         rows.append([n for n in rows[0] if marks[n].room in visited])  # none behind a door
@@ -254,8 +251,7 @@ def _beyond_least(value: Costs, step_m: float) -> Costs:
     window = max(1, round(2.0 / step_m))
     padded = np.pad(value, ((0, 0), (window, window)), constant_values=np.inf)
     views = np.lib.stride_tricks.sliding_window_view(padded, 2 * window + 1, axis=1)
-    with np.errstate(invalid="ignore"):
-        return np.nan_to_num(value - views.min(axis=2), nan=NEVER, posinf=NEVER)
+    return value - views.min(axis=2)
 
 
 def room_names(name: str) -> frozenset[str]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..facts.records import TurnFact
 from ..language.claims import Claim
-from .fit import NEVER, WRONG, Costs, ramp
+from .fit import NEVER, WRONG, Costs, Mask, ramp
 from .ground import Ground
 from .said import WAYS, Said
 
@@ -34,7 +34,7 @@ class Made:
     after: int
     cost: float
     start: Costs
-    at: Costs
+    at: Mask
 
 
 def unsaid(ground: Ground, said: Said) -> Costs:
@@ -58,7 +58,7 @@ def left_out(turn: TurnFact, straight: bool, length_m: float) -> float:
     return float(cost) * (_AT_EDGE if edge else 1.0)
 
 
-def _contradicted(ground: Ground, said: Said, turn: TurnFact) -> Costs:
+def _contradicted(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     """Return (S,) whether turns that are said around a claim go the other way."""
     claim, (since, then) = said.claim, said.neighbours
     others = [c.kind == "turn" and c.side not in (turn.side, "around") for c in (since, then)]
@@ -68,7 +68,7 @@ def _contradicted(ground: Ground, said: Said, turn: TurnFact) -> Costs:
     return (near | (claim.kind == "in")) & (other and not around)
 
 
-def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Costs:
+def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     """Return (S,) whether a claim leads around a turn without saying it."""
     claim, then = said.claim, said.neighbours[1]
     onward = ground.along_m - turn.along_m
@@ -93,7 +93,7 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Costs:
         k = int(np.argmin(np.abs(onward + 0.4)))
         view = ground.seen[rows, k] & (ground.distance[rows, k] <= _SEE_M)
         view &= np.abs(ground.bearing[rows, k]) <= _SEE_DEG
-        return (onward > 0.0) & bool(view.any())
+        return (onward > (-2.0 if claim.kind == "pass" else 0.0)) & bool(view.any())
     return led
 
 
