@@ -9,14 +9,11 @@ from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
-from .tables import closed
-from .targets import claim_of, forbidden, preposition, sided, stop_at
+from .sides import listed_side, place
+from .targets import claim_of, forbidden, preposition, stop_at
 from .tokens import tokenize
 from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
 
-# "The table, which stays on your right": no way of the walker.
-_STAYS = closed("stays")
-_LISTING = closed("in a list")
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
@@ -88,7 +85,7 @@ class _Reader:
             self.stopping = clause.sentence
         if self.before is None or self.before.sentence != clause.sentence:
             self.sentence = []
-        if self._listed_side(clause):
+        if listed_side(clause, self.sentence, self.before, self._is_no_turn):
             return
         self._claims(clause, stop)
         if clause.negated:
@@ -125,34 +122,6 @@ class _Reader:
             clause.prep = "" if placed and before.verb == "stop" else before.prep
             clause.until = clause.until or before.until
             clause.negated = clause.negated or before.negated
-
-    def _listed_side(self, clause: Clause) -> bool:
-        """Give a side that is a clause of its own to what is before: `…, both on the left`."""
-        tokens, before = clause.tokens, self.before
-        k = next((k for k in range(len(tokens)) if read_side(tokens, k)), -1)
-        if k < 0 or before is None or not (clause.joint or clause.until):
-            return False
-        side, placed, end = read_side(tokens, k) or ("", False, 0)
-        rest = [t.text for t in (*tokens[:k], *tokens[end:])]
-        last = before.claims[-1] if before.claims else None
-        moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
-        if set(rest) - _LISTING - _STAYS or (moved and not placed):
-            return False
-        both = "both" in rest or "all" in rest
-        if not placed and not both and clause.joint != "(" and not (
-            clause.joint in (",", "-", "–", "—") and self._is_no_turn()
-        ):  # fmt: skip
-            return False
-        if {"two", "three", "one"} & set(rest):
-            return True  # as many again: what they are is said before
-        targets = [(c, n) for c in self.sentence for n, x in enumerate(c.claims)
-                   if x.what and x.kind != "walk" and not x.side]  # fmt: skip
-        if not targets or targets[-1][0] is not before:
-            return bool(_STAYS & set(rest)) or bool(placed and last and last.side)
-        for owner, n in targets[-2:] if both else targets[-1:]:
-            sided(owner.claims, n, side)
-        clause.used.update(range(len(tokens)))
-        return True
 
     def _claims(self, clause: Clause, stop: bool) -> None:
         """Read the claims of a clause from left to right."""
@@ -290,7 +259,7 @@ class _Reader:
             or (alone and k and k - 1 in clause.used and clause.joint != "then")
             or (placed and (verb != "turn" or turned or not clause.has_verb))
         ):
-            self._place(clause, named, side)
+            place(clause, named, side, self.before)
             clause.used.update(range(k, end))
             return ""
         if ahead:
@@ -307,7 +276,7 @@ class _Reader:
             return ""
         if any(t.text in _KEEPS for t in tokens[:k]):
             if named:
-                self._place(clause, named, side)
+                place(clause, named, side, self.before)
                 clause.used.update(range(k, end))
             return ""
         seen = verb == "see" and PREP_OF.get(after) not in _WAYS
@@ -324,16 +293,3 @@ class _Reader:
             degree = "" if bent else degree_of(tokens)
             claims.append(Claim("turn", side=side, degree=degree, ordinal=ordinal))
         return ""
-
-    def _place(self, clause: Clause, named: list[int], side: str) -> None:
-        """Give a side to the last target, and to the one that is listed with it."""
-        claims, before = clause.claims, self.before
-        sided(claims, named[-1], side)
-        if claims[named[-1]].kind == "in" and not clause.prep:  # "meeting room left"
-            claims[named[-1]] = replace(claims[named[-1]], kind="see")
-        listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
-        if listed and before is not None and len(named) == 1 and not clause.has_verb:
-            last = before.claims[-1] if before.claims else None
-            if last and last.what == claims[named[-1]].what and last.side in ("", "ahead") \
-                    and side not in ("ahead", "behind"):  # fmt: skip
-                sided(before.claims, -1, side)
