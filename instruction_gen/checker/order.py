@@ -50,8 +50,8 @@ def step_starts_m(steps: Sequence[Step], ground: Ground) -> tuple[float, ...]:
     starts_m, done_m = [], 0.0
     for number in range(len(steps)):
         starts_m.append(round(done_m, 2))
-        own = (ground.along_m[k] for k, n in zip(placed.places, owners, strict=True) if n == number)
-        done_m = max(done_m, *own, 0.0)
+        at = (k for k, owner in zip(placed.places, owners, strict=True) if owner == number)
+        done_m = max(done_m, *(float(ground.along_m[k]) for k in at), 0.0)
     return tuple(starts_m)
 
 
