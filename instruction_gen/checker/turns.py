@@ -107,7 +107,7 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
     """Yield the turns of a path that a claimed turn may be."""
     turns, along, claim = ground.facts.turns, ground.along_m, said.claim
     # Behind a door: what bends well before it is another turn.
-    slack = 0.0 if said.last.kind in ("leave", "enter", "door") and said.apart else 1.0
+    slack = 0.4 if said.last.kind in ("leave", "enter", "door") and said.apart else 1.0
     for j, first in enumerate(turns):
         total = 0.0
         for after in range(j + 1, len(turns) + 1):
