@@ -125,9 +125,11 @@ def drafts(
     """Return some ways to say an event after the clause before."""
     rule = grammar()[0][event.kind]
     after = before.phrase.joint if before else "."
-    onward = before is not None and after not in (".", "^") and before.event.kind.startswith(_WAYS)
-    onward = onward and (after in ("&", "+") or before.words.startswith(_GOES))
-    along = onward or (before is not None and after != "." and before.event.kind in _TURNS)
+    onward = along = False
+    if before and after not in (".", "^"):
+        goes = after in ("&", "+") or before.words.startswith(_GOES)
+        onward = goes and before.event.kind.startswith(_WAYS)
+        along = onward or before.event.kind in _TURNS
     barred = {"&": not along or after == "&", "+": not onward, "^": after == "^",
               "<": after == "^", ".": after == "^"}  # fmt: skip
     fit = [p for p in rule if not barred.get(p.joint)]
