@@ -56,7 +56,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_load_dataset(run: Run, dataset: Path) -> None:
     lines = run("load_dataset.py", dataset).splitlines()
     assert [line.split(":")[0] for line in lines] == ["episode 0", "episode 1"]
-    assert re.search(r"rgb \(1, (\d+), \1, 3\), depth \(1, \1, \1\)", lines[0])
+    assert re.search(r"rgb \(1, (\d+), (\d+), 3\), depth \(1, \1, \2\)", lines[0])
 
 
 def test_load_dataset_says_what_is_no_dataset(tmp_path: Path) -> None:

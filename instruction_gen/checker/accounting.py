@@ -25,14 +25,23 @@ from ..language.lexicon import (
 from ..language.phrases import read_phrase, read_side
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize
-from ..language.words import NEGATIONS, OPENINGS, ORDINALS, UNITS_M, VERB_OF, is_known, number_of
+from ..language.words import (
+    NEGATIONS,
+    OPENINGS,
+    ORDINALS,
+    RIGHT_ADVERB,
+    UNITS_M,
+    VERB_OF,
+    is_known,
+    number_of,
+)
 
 # Which claims account for a verb.
 _VERBS = {
     "stop": {"stop"},
     "enter": {"enter", "in", "door", "stop"},
     "leave": {"leave", "door"},
-    "pass": {"pass", "see"},
+    "pass": {"pass", "see", "stop"},
 }
 _WAYS = ("walk", "in", "door", "leave", "enter")
 _DOORS = frozenset(["door", "doors", "doorway", "doorways", "doorframe"])
@@ -119,7 +128,10 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
         kind = "" if verb_at(tokens, k) or word in UNITS_M else noun_kind(word)
         verb, number = VERB_OF.get(word, ""), number_of(word)
         if word not in sides and (
-            word in ("left", "right")
+            (
+                word in ("left", "right")
+                and not (word == "right" and _after(tokens, k) in RIGHT_ADVERB)
+            )
             or (word == "behind" and (read_side(tokens, k) or ("",))[0] not in {"", *sides})
         ):
             problems.append(f"no claim says {word}")
@@ -130,7 +142,8 @@ def _uncovered(step: Step, tokens: Sequence[Token]) -> list[str]:
         ):
             problems.append(f"no claim says {word}")
         elif kind and not (doors if kind == "door" else any(_covers(n, word) for n in names)):
-            if read_phrase(tokens, k) or kind != "door":
+            bare = kind == "door" and "stop" not in kinds and tokens[k - 1].text == "the"
+            if (read_phrase(tokens, k) or kind != "door") and not bare:
                 problems.append(f"no claim is about the {word}")
         elif verb in _VERBS and not kinds & _accounts(tokens, k) and not _noun_before(tokens, k):
             problems.append(f"no claim says {word}")
@@ -200,7 +213,8 @@ def _ends(own: Claim, read: Claim) -> bool:
 
     "In the kitchen by the fridge" may enter the room, "with the bed on your right" see the bed.
     """
-    kinds = {"room": ("stop", "enter", "in")}.get(read.what, ("stop", "see" if read.side else ""))
+    also = "pass" if read.place == "past" else "see" if read.side else ""
+    kinds = {"room": ("stop", "enter", "in")}.get(read.what, ("stop", also))
     names = {own.name, own.room if read.what == "room" else ""} - {""}
     return own.kind in kinds and any(_covers(name, read.name) for name in names)
 

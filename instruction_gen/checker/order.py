@@ -18,7 +18,7 @@ from .ground import Ground
 from .said import Said
 from .turns import left_out, made, no_turn, unsaid
 
-LIMIT = 0.75  # the root of the sum of the squares of all costs
+LIMIT = 0.66  # the root of the sum of the squares of all costs
 _FIRST = 0.35  # who meets what costs no more than this means it
 _STAYS_M = 4.0, 7.0
 _Told = list[tuple[float, str]]

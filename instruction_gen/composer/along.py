@@ -169,6 +169,8 @@ def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:
         low, high = event.along_m, event.along_m + event.far_m
         if event.kind.startswith("stop"):
             low, high = facts.length_m - event.far_m, facts.length_m
+        elif event.kind == "onward":  # from door to door, with the turns at both
+            low, high = low - 2 * _AT_END_M, event.to_m + 2 * _AT_END_M
         within = (low + _AT_END_M < turn.along_m < high - _AT_END_M for turn in facts.turns)
         result.append(replace(event, bent=any(within)))
     return result

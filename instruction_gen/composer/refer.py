@@ -78,6 +78,13 @@ def new_in_view(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float |
     return in_view(mark, facts, along_m, 30.0, 4.0) if late else None
 
 
+def walked_to(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
+    """Return how far a thing is that the way leads toward from a place [m], else None."""
+    far_m, later = in_view(mark, facts, along_m, 20.0, 5.0), moment_at(mark, along_m + 1.0)
+    nearer = later is not None and far_m is not None and later.distance_m < far_m - 0.6
+    return far_m if nearer else None
+
+
 def in_view(
     mark: LandmarkFact, facts: PathFacts, along_m: float, within_deg: float, reach_m: float
 ) -> float | None:

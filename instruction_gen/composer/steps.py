@@ -19,7 +19,17 @@ from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
-from .refer import HUNG, PASS_DOOR_M, around, at_turn, before_reached, in_view, new_in_view, passed
+from .refer import (
+    HUNG,
+    PASS_DOOR_M,
+    around,
+    at_turn,
+    before_reached,
+    in_view,
+    new_in_view,
+    passed,
+    walked_to,
+)
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
@@ -168,7 +178,7 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
             ("turn_by", lambda m: around(m, turn)),
             ("turn_after", _just_passed(facts, along, gap_m)),
             ("turn_before", lambda m: before_reached(m, facts, along)),
-            ("turn_to", lambda m: in_view(m, facts, along + 0.75, 35.0, 5.0)),
+            ("turn_to", lambda m: walked_to(m, facts, along + 0.75)),
             ("cue", lambda m: new_in_view(m, facts, along - 1.0) if along > 1.2 else None),
         ]
         for number in names.rng.permutation(len(options)):
@@ -243,7 +253,7 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
         if rng.random() < 0.8 and passage.to_room == "hallway" != passage.from_room:
             return replace(event, kind="leave_turn" if event.A else "out_turn")
         behind_m = turn.along_m + 0.75
-        ahead = names.best(lambda m: in_view(m, facts, behind_m, 35.0, 5.0)) if marked else None
+        ahead = names.best(lambda m: walked_to(m, facts, behind_m)) if marked else None
         return replace(event, kind="enter_turn_to" if ahead else "enter_turn", X=ahead)
     door = next((m for m in facts.landmarks if m.noun == passage.beside and m.nameable), None)
     marked = marked or many

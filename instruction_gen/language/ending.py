@@ -110,9 +110,11 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
     own = any(x.kind == "stop" for c in first for x in c.claims)
-    cue = any(c.says(*_ANNOUNCE) for c in first) or any(
-        token.text == "TOWARD" for token in first[0].tokens[:3]
-    )
+    named = [x for c in first for x in c.claims if x.what]
+    toward = any(token.text == "TOWARD" for token in first[0].tokens[:3])
+    # "Head for the door, past the sofa" is part of the way.
+    way = any(x.kind == "pass" or (x.what == "door" and not x.room) for x in named)
+    cue = any(c.says(*_ANNOUNCE) for c in first) or (toward and not way)
     if stopped and (moves or not (cue or own)):
         return False
     may = cue or own or any(c.says(*_MAY_ANNOUNCE) for c in first)

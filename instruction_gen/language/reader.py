@@ -9,6 +9,7 @@ from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
+from .referring import counted_again, is_inside, marked, stop_at_it
 from .sides import listed_side, place
 from .targets import claim_of, forbidden, preposition, stop_at
 from .tokens import tokenize
@@ -86,24 +87,33 @@ class _Reader:
         if self.before is None or self.before.sentence != clause.sentence:
             self.sentence = []
         if listed_side(clause, self.sentence, self.before, self._is_no_turn):
+            self._remember(self.before)
             return
         self._claims(clause, stop)
         if clause.negated:
             last = self.before.claims[-1:] if self.before and clause.says("that") else []
             named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
             clause.claims = forbidden(clause, clause.claims or named)
-        for claim in clause.claims:
+        self._remember(clause)
+        self.sentence.append(clause)
+        self.before = clause
+
+    def _remember(self, clause: Clause | None) -> None:
+        """Keep what `it` and `go in` mean after a clause."""
+        for claim in clause.claims if clause else ():
             if claim.what == "thing":
                 self.thing = claim
             if claim.what in ("door", "room") and claim.kind in ("see", "reach", "pass", "in"):
                 self.door = claim
-        self.sentence.append(clause)
-        self.before = clause
 
     def _is_no_turn(self) -> bool:
         """Return whether the next word in doubt is no turn in this reading."""
         self.doubts += 1
         return self.doubts - 1 in self.no_turns
+
+    def _said(self) -> list[Clause]:
+        """Return the clauses before in the same sentence, or the one before it."""
+        return self.sentence or [self.before or Clause([])]
 
     def _inherit(self, clause: Clause) -> None:
         """Give a phrase without a verb that of the clause before: `past the sofa and the table`."""
@@ -145,8 +155,8 @@ class _Reader:
             elif word in _MARKS or word == "TURN_AROUND":
                 if word == "TURN_AROUND":
                     claims.append(Claim("turn", side="around"))
-                elif not clause.until and not (word == "GO_IN" and self._is_inside()):
-                    claims.append(self._marked(word))  # "as you go in" says only when
+                elif not clause.until and not (word == "GO_IN" and is_inside(self._said())):
+                    claims.append(marked(word, self.door))  # "as you go in" says only when
                 clause.used.add(k)
                 k += 1
             elif (part := part_end(tokens, k)) > k:
@@ -163,12 +173,22 @@ class _Reader:
                     if last.what == "door" and claim.what == "room" and clause.says("is"):
                         # "The second door on the left is that of the bathroom."
                         claims[-1] = replace(last, room=last.room or claim.name, count=0)
+                    before = self._said()[-1].claims
+                    if (
+                        tokens[0].text in ("it", "which", "that")
+                        and claim.kind == "see"
+                        and claim.what == "room"
+                        and before
+                        and before[-1].what == "door"
+                    ):
+                        # "The door is on your right, and it opens on the kitchen."
+                        before[-1] = replace(before[-1], room=before[-1].room or claim.name)
                     if claim.kind == "enter" and claims and claims[-1].kind == "door":
                         # "The door on the left into the kitchen" is that of the kitchen.
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
                     claims.append(claim)
                 k, prep = end, ""
-            elif (owner := self._counted_again(clause, k)) is not None:
+            elif (owner := counted_again(clause, k, self.before)) is not None:
                 claims += owner
                 clause.used.add(k)
                 k += 1
@@ -188,46 +208,16 @@ class _Reader:
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1
+        if side_next:  # of nothing
+            clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:
             claims.append(Claim("walk", side="ahead"))
         stops = [n for n, c in enumerate(claims) if c.kind == "stop"]
         if clause.verb == "stop" and not stops:
-            claims.append(Claim("stop"))
+            claims.append(stop_at_it(clause, self.before))
         elif stop and len(stops) == 2 and any(claims[n].place == "between" for n in stops):
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
-
-    def _counted_again(self, clause: Clause, k: int) -> list[Claim] | None:
-        """Return what `the second (one)` at token `k` adds to the claims, None where it is none."""
-        tokens, claims = clause.tokens, clause.claims
-        one = tokens[k].text == "one"
-        last = ORDINALS.get(tokens[k - one].text, 0) if k or not one else 0
-        end = one or k + 1 == len(tokens) or tokens[k + 1].text in PREP_OF
-        if not (last and end and k):
-            return None
-        if claims and claims[-1].what:  # "the door is the first one on the left"
-            claims[-1] = replace(claims[-1], ordinal=last)
-            return []
-        before = self.before.claims[-1] if self.before and self.before.claims else None
-        if before is None or before.what != "door" or before.kind not in ("pass", "see"):
-            return None
-        return [replace(before, kind="door", ordinal=last)]  # "pass one door, go in at the second"
-
-    def _is_inside(self) -> bool:
-        """Return whether the last that is claimed is that a room is entered."""
-        said = self.sentence or [self.before or Clause([])]
-        claims = [claim for clause in said for claim in clause.claims]
-        return bool(claims) and claims[-1].kind in ("enter", "door")
-
-    def _marked(self, mark: str) -> Claim:
-        """Return what `go in`, `go out` and `go through` claim of what was named before."""
-        door = self.door
-        if mark == "GO_OUT":
-            return Claim("leave", "room")
-        if door is None:
-            return Claim("door", "door")
-        kind = "enter" if door.what == "room" else "door"
-        return Claim(kind, door.what, door.name, door.side, door.ordinal, room=door.room)
 
     def _side(self, clause: Clause, k: int, side: str, placed: bool, end: int) -> str:
         """Read a side, words `k` to `end`; return it where it is that of the phrase that follows.

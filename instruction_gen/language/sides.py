@@ -3,14 +3,16 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from .clauses import Clause
-from .phrases import read_side
+from .clauses import Clause, verb_at
+from .phrases import read_phrase, read_side
 from .tables import closed
 from .targets import sided
 from .words import PREP_OF
 
 # "The table, which stays on your right": no way of the walker.
 _STAYS = closed("stays")
+_RELATIVE = closed("relative")
+_WAYS = ("turn", "enter", "leave")
 _LISTING = closed("in a list")
 
 
@@ -26,7 +28,12 @@ def listed_side(
     rest = [t.text for t in (*tokens[:k], *tokens[end:])]
     last = before.claims[-1] if before.claims else None
     moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
-    if set(rest) - _LISTING - _STAYS or (moved and not placed):
+    # "The table, which you will see on your right", "both of which are on the left".
+    relative = placed and tokens[0].text in _RELATIVE and not any(
+        (verb in _WAYS) if (verb := verb_at(tokens, n)) else read_phrase(tokens, n)
+        for n in range(len(tokens))
+    )  # fmt: skip
+    if (set(rest) - _LISTING - _STAYS and not relative) or (moved and not placed):
         return False
     both = "both" in rest or "all" in rest
     if not placed and not both and clause.joint != "(" and not (

@@ -342,6 +342,35 @@ def test_claims_of_another_form_are_refused(claims, complaint):
         read_steps(claims)
 
 
+@pytest.mark.parametrize(
+    ("text", "claim"),
+    [
+        # What follows a target says where it is.
+        ("Go past the sofa, which you will see on your left, and stop.", ("pass", "sofa", "left")),
+        ("Go past the sofa, which stands on your right, and stop.", ("pass", "sofa", "right")),
+        ("Pass the bed and the desk, both of which are on your left.", ("pass", "bed", "left")),
+        # The goal may be reached before the stop is told.
+        (
+            "Go on until you reach the fridge, and stop right in front of it.",
+            ("stop", "fridge", ""),
+        ),
+        ("Walk right up to the window and stop there.", ("stop", "window", "")),
+        # A door that one heads for is no goal.
+        (
+            "Head for the door, past the sofa on your left. Stop at the bed.",
+            ("pass", "sofa", "left"),
+        ),
+    ],
+)
+def test_what_words_refer_to_is_read(text, claim):
+    assert claim in [(c.kind, c.name, c.side) for step in read_text(text) for c in step.claims]
+
+
+def test_a_side_of_nothing_is_unchecked(two_rooms):
+    text = "Turn left into the kitchen, and you will see it all on your right. Stop at the table."
+    assert "right" in check_text(text, Ground(facts_of(LEFT, two_rooms))).unchecked
+
+
 def test_claims_that_are_read_are_written_and_read_again():
     steps = read_text("Turn left at the second chair, walk three metres and stop by the sofa.")
     records = [
