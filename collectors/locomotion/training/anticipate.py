@@ -32,11 +32,11 @@ from ..runtime.policy import GaitPolicy
 from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
-from .base import layers_of
 from .beside import beside
 from .correction import PAST, Corrected, Correction, Samples
 from .export import install, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
+from .stairs.base import layers_of
 
 log = logging.getLogger(__name__)
 ROBOTS, SECONDS = 160, 8.0  # of one round of walks

@@ -18,15 +18,15 @@ from ..runtime.step import GaitStep
 from ..trials.pipe import TargetPipe
 from ..trials.terrain import Terrain
 from ..trials.trial import STEP_S, fallen, levelled
-from .base import Base
 from .config import TrainingConfig
-from .course import course
 from .mirror import Symmetry
 from .randomize import draw_latency, randomize_models
-from .reach import footing
 from .recipes import recipe
 from .rewards import SMOOTHNESS_TERMS, BodyFacts, StepFacts, reward_terms
 from .schedule import Schedule
+from .stairs.base import Base
+from .stairs.course import course
+from .stairs.reach import footing
 
 # Where the critic sees the ground, ahead and left of the base.
 AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])

@@ -19,11 +19,11 @@ from ..runtime.gait import RATE_HZ
 from ..runtime.network import encode_layers
 from ..runtime.observation import layout, present
 from ..runtime.policy import policy_files
-from .base import Base
 from .beside import beside
 from .config import TrainingConfig
 from .mirror import Symmetry
 from .recipes import recipe
+from .stairs.base import Base
 
 
 def encode_actor(actor: Any, mirror: Symmetry | None = None) -> bytes:

@@ -25,11 +25,11 @@ from ....formats.core.atomic import atomic_file
 from ....formats.core.errors import VlnpeError
 from ...robots import RobotSpec, get_robot
 from ..trials.terrain import Terrain, rough_terrain, stairs_terrain
-from .base import Base
 from .config import STAIRS, Phases, ppo_config
 from .env import GaitEnv
 from .export import write_policy
 from .recipes import recipe
+from .stairs.base import Base
 
 log = logging.getLogger(__name__)
 RISERS_M, GOINGS_M, LANES, STEPS = (0.05, 0.19), (0.25, 0.31), 12, 7  # of stairs

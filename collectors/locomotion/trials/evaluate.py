@@ -20,7 +20,7 @@ from ...robots import RobotSpec, get_robot
 from ..runtime.card import save_card
 from ..runtime.policy import GaitPolicy, policy_files
 from ..state import State
-from ..training.reach import footing
+from ..training.stairs.reach import footing
 from .aim import calibrated
 from .driven import action_errors, follow_paths
 from .flights import flights

@@ -15,7 +15,7 @@ from vlnpe.collectors.locomotion.runtime.footing import POWERS, Footing
 from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
 from vlnpe.collectors.locomotion.runtime.step import GaitStep
 from vlnpe.collectors.locomotion.training.derived import Stance
-from vlnpe.collectors.locomotion.training.reach import footing
+from vlnpe.collectors.locomotion.training.stairs.reach import footing
 from vlnpe.collectors.locomotion.trials.evaluate import climbed
 from vlnpe.collectors.locomotion.trials.flights import climb
 from vlnpe.collectors.locomotion.trials.terrain import Terrain, stairs_terrain
@@ -229,7 +229,7 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
 
 
 def test_robots_get_the_stairs_that_they_can_climb(training: Any):
-    from vlnpe.collectors.locomotion.training.course import Stairs
+    from vlnpe.collectors.locomotion.training.stairs.course import Stairs
 
     terrain = stairs_terrain((0.05, 0.1, 0.15), (0.3, 0.3, 0.3), steps=5)
     stairs = Stairs(terrain, 40, np.random.default_rng(5))

@@ -5,11 +5,11 @@ from functools import cache
 
 import numpy as np
 
-from ....formats.core.errors import InputError
-from ...robots import RobotSpec
-from ..runtime.footing import POWERS, Footing
-from ..runtime.gait import GaitClock
-from .derived import POINT_LEG, Stance
+from .....formats.core.errors import InputError
+from ....robots import RobotSpec
+from ...runtime.footing import POWERS, Footing
+from ...runtime.gait import GaitClock
+from ..derived import POINT_LEG, Stance
 
 # Shifts of a foot to fit to, ahead and above, and how much of its straight leg is used.
 AHEAD_M, ABOVE_M, GRID = 0.3, (-0.1, 0.22), 13

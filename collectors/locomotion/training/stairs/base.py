@@ -10,11 +10,11 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ....formats.core.arrays import Array
-from ...robots import RobotSpec
-from ..runtime.card import PolicyCard
-from ..runtime.network import decode_layers
-from ..runtime.policy import GaitPolicy, policy_files
+from .....formats.core.arrays import Array
+from ....robots import RobotSpec
+from ...runtime.card import PolicyCard
+from ...runtime.network import decode_layers
+from ...runtime.policy import GaitPolicy, policy_files
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ....formats.core.arrays import Array, Mask
-from ....formats.core.frames import wrap_angle
-from ..trials.terrain import LANE_M, Terrain
-from ..trials.trial import STEP_S
+from .....formats.core.arrays import Array, Mask
+from .....formats.core.frames import wrap_angle
+from ...trials.terrain import LANE_M, Terrain
+from ...trials.trial import STEP_S
 
 SHARE_LEVEL = 0.2  # of the robots walk on level ground beside the stairs
 LEVEL_M = 8.0  # half its side

@@ -1,0 +1,1 @@
+"""Gaits for stairs: learned on top of a finished gait, on lanes of flights."""
