@@ -12,8 +12,8 @@ from .things import BESIDE_M, Things, spoken_side
 
 _AT_DOOR_M = 0.4, 1.2  # from the middle of a passage
 _AT_ONCE_M = 1.5  # a turn so far behind a door is made before doorways are counted
-_DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 _UNSURE = 0.5
+_DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show where the room is
 
 
 class Ground(Things):
@@ -88,7 +88,7 @@ class Ground(Things):
             turned = any(abs(t.angle_deg) >= 90.0 for t in turns if t.along_m < 1.0)
             return 0.0 if turned and passage is self.facts.passages[0] else NEVER
         if passage not in self.facts.passages:
-            return 0.5
+            return _UNSURE
 
         def turned_deg(low_m: float, high_m: float) -> float:
             return sum(t.angle_deg for t in turns if low_m <= t.along_m - passage.along_m <= high_m)

@@ -226,10 +226,12 @@ class Alignment:
         claim, name = said.claim, said.claim.text or "doorway"
         fit = self._fit(said)
         own, parts = fit.cost, self._moves(said, fit)
-        moves = np.max([cost for cost, _ in parts], axis=0)
         stays, seen = self._stays(said), np.arange(len(self.along))
+        if stays:
+            farther = ramp(self.along - self.along[:, None], *stays)
+            parts = [*parts, (farther, f"the {name} comes later on the path than the text says")]
+        moves = np.max([cost for cost, _ in parts], axis=0)
         if stays:  # the walker stays where he is
-            moves = np.maximum(moves, ramp(self.along - self.along[:, None], *stays))
             seen = np.maximum(moves, own).argmin(axis=1)
             own = np.maximum(moves, own).min(axis=1)
         if claim.what in ("door", "room") and said.index:

@@ -106,7 +106,7 @@ class Things:
         reach = max(
             reach, {"left": 2.4, "right": 2.4, "ahead": 3.2, "behind": 2.4}.get(claim.side, 0.0)
         )
-        far = ramp(self.near_m, reach + -0.2, reach + 0.4)
+        far = ramp(self.near_m, reach - 0.2, reach + 0.4)
         if claim.place == "past":
             far = np.maximum(ramp(self.distance, reach, reach + 0.4), ramp(-bearing, -65.0, -55.0))
         elif claim.place == "before":

@@ -12,7 +12,7 @@ def stop_at_it(clause: Clause, before: Clause | None) -> Claim:
     """Return the stop of a clause that names no place: at `it`, or at what was reached last."""
     last = before.claims[-1] if before and before.claims else Claim("stop")
     named = last.what == "thing" and (
-        last.kind == "reach"
+        (last.kind == "reach" and not clause.claims)  # not "and stop after two metres"
         or clause.says("it", "them", "there")
         or (clause.says("that", "which") and clause.says("where"))
     )

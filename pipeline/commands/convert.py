@@ -87,7 +87,7 @@ def _check_used(options: Convert, kinds: Sequence[str]) -> None:
         flag = "" if value is True else f" {value}"
         raise InputError(
             f"--{name.replace('_', '-')}{flag}: {options.source} is {kinds[0]}, written as "
-            f"{options.to}; the option is used only {' and '.join(uses)}"
+            f"{options.to}; the option is used only {' or '.join(uses)}"
         )
 
 

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.instructions.buildings import building
 from benchmarks.instructions.corpus import FOLDER, episode_of_record
 from vlnpe.instruction_gen.checker import Ground, check_text
-from vlnpe.instruction_gen.checker.order import check_order
+from vlnpe.instruction_gen.checker.order import LIMIT, Alignment, check_order
 from vlnpe.instruction_gen.facts import path_facts
 from vlnpe.instruction_gen.facts.doors import DOOR, OPENING
 from vlnpe.instruction_gen.language.claims import Claim, Step
@@ -163,7 +163,8 @@ def test_things_are_beside_the_path_on_one_side_only(grounds):
                 own = side == mark.side
                 # What is behind at the start is not passed.
                 if not own or np.isinf(ground.distance[n, 0]) or abs(ground.bearing[n, 0]) < 90.0:
-                    assert (ground.passed(claim).cost.min() <= 1.0) == own, told
+                    cost = ground.passed(claim).cost.min()
+                    assert cost <= LIMIT if own else cost > 1.0, told
     assert checked > 5
 
 
@@ -178,3 +179,18 @@ def test_words_say_what_claims_leave_open(grounds):
         text = "Walk straight on to the end and stop."
         steps = [Step(text, (Claim("walk"), Claim("stop")))]
         assert not check_text(text, ground, steps).ok
+
+
+def test_what_a_claim_adds_to_the_cost_is_told(grounds):
+    """A refusal names what is wrong, also where a claim does not move the walker."""
+    dear = 0
+    for ground in grounds:
+        without = Alignment(ground, [Claim("walk"), Claim("stop")], [0, 1]).cost
+        for mark in ground.facts.landmarks:
+            claims = [Claim("see", "thing", mark.noun), Claim("walk"), Claim("stop")]
+            placed = Alignment(ground, claims, [0, 1, 2])
+            added = np.sqrt(max(0.0, placed.cost**2 - without**2))
+            dear += added > LIMIT
+            told = np.linalg.norm([cost for cost, _ in placed.told[0]])
+            assert told >= 0.95 * added, (mark.noun, added, placed.told[0])
+    assert dear > 5

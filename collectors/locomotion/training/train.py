@@ -22,7 +22,7 @@ import tyro
 from rsl_rl.runners import OnPolicyRunner
 
 from ....formats.core.atomic import atomic_file
-from ....formats.core.errors import VlnpeError
+from ....formats.core.errors import InputError, VlnpeError
 from ...robots import RobotSpec, get_robot
 from ..trials.terrain import Terrain, rough_terrain, stairs_terrain
 from .config import STAIRS, Phases, ppo_config
@@ -30,6 +30,7 @@ from .env import GaitEnv
 from .export import write_policy
 from .recipes import recipe
 from .stairs.base import Base
+from .stairs.reach import footing
 
 log = logging.getLogger(__name__)
 RISERS_M, GOINGS_M, LANES, STEPS = (0.05, 0.19), (0.25, 0.31), 12, 7  # of stairs
@@ -89,18 +90,27 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
     seed, iterations = arguments.seed, arguments.iterations
     # The networks are small: more torch threads cost more than they give.
     torch.set_num_threads(1)
-    out.mkdir(parents=True, exist_ok=True)
     checkpoint = out / "checkpoint.pt"
     done, samples, wall_s = 0, 0, 0.0
     first = 0
     stairs = arguments.terrain == "stairs"
-    base = Base.load(robot, arguments.start) if stairs else None
+    if arguments.start and not stairs:
+        raise InputError(f"--start {arguments.start}: a gait on level ground starts from nothing")
     phases = STAIRS if stairs else recipe(robot).phases
+    base = Base.load(robot, arguments.start) if stairs else None
+    added_to = base.card.network_sha256 if base else ""
+    if base is not None:
+        footing(robot, base.card.gait)  # raises if the legs cannot follow stairs
+    out.mkdir(parents=True, exist_ok=True)
     for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
         if checkpoint.exists():
             progress = torch.load(checkpoint, map_location="cpu", weights_only=True)["infos"]
             done, samples, wall_s = (progress[k] for k in ("iterations", "samples", "wall_s"))
+            if progress.get("base", "") != added_to:
+                raise InputError(
+                    f"{checkpoint}: was trained on top of another gait; use a new --out"
+                )
         if done >= last:
             first = last
             continue
@@ -128,6 +138,7 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
             wall_s += time.monotonic() - started
             _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
             progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
+            progress |= {"base": added_to} if base else {}
             with atomic_file(checkpoint) as temporary:
                 runner.save(str(temporary), progress)
             if done % 50 == 0 or done == last:

@@ -15,6 +15,7 @@ import numpy as np
 import tyro
 
 from ....formats.core.atomic import atomic_file
+from ....formats.core.errors import InputError, VlnpeError
 from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
 from ..runtime.card import save_card
@@ -165,7 +166,10 @@ def main(
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if stairs:
+        if publish_it:
+            raise InputError("--stairs --publish: a policy is installed with its whole table")
         gait = GaitPolicy.load(spec, policy)
+        gait = gait.estimating() if state == "estimated" else gait
         if gait.card.footing is None:
             gait = gait.changed(spec, replace(gait.card, footing=footing(spec, gait.card.gait)))
         count = max(2, round(50 * scale))
@@ -181,4 +185,7 @@ def main(
 
 
 if __name__ == "__main__":
-    tyro.cli(main)
+    try:
+        tyro.cli(main)
+    except VlnpeError as error:
+        raise SystemExit(f"evaluate: {error}") from None

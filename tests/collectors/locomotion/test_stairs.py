@@ -228,6 +228,18 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     assert sum(name.startswith("climbed_") for name in rows[0]) == training.LANES
 
 
+def test_what_cannot_be_trained_leaves_nothing(training: Any, tmp_path: Path):
+    for robot, terrain, start, reason in (
+        ("h1", "stairs", None, "5 joints"),
+        ("jetbot", "level", None, "walks on 2 or 4 feet"),
+        ("aliengo", "level", tmp_path, "starts from nothing"),
+    ):
+        out = tmp_path / "out"
+        with pytest.raises(InputError, match=reason):
+            training.run(training.Arguments(robot, out=out, terrain=terrain, start=start))
+        assert not out.exists()
+
+
 def test_robots_get_the_stairs_that_they_can_climb(training: Any):
     from vlnpe.collectors.locomotion.training.stairs.course import Stairs
 

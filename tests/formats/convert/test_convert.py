@@ -425,6 +425,7 @@ def test_the_command_refuses_what_it_cannot_use(
         (tmp_path / "frames-a", "mcap", ["nothing to convert"]),
         (first, "lerobot", ["--split val", "is mcap", "only from n1 or ros2"], "--split", "val"),
         (first, "lerobot", ["--every-frame:", "only to n1"], "--every-frame"),
+        (first, "lerobot", ["only from n1 or ros2 or to ros2"], "--robot", "h1"),
     ]:
         assert cli.main(["convert", str(source), "--to", to, "--out", out, *more]) == 2
         output = capsys.readouterr().err
