@@ -148,7 +148,9 @@ class Alignment:
         paced = claim.kind == "in" and then.kind == "walk" and then.metres > 0.0
         return _STAYS_M if paced or (claim.kind in ("see", "avoid") and not until) else None
 
-    def _moves(self, said: Said, fit: Fit) -> list[tuple[Costs, str]]:
+    def _moves(
+        self, said: Said, fit: Fit, stays: tuple[float, float] | None
+    ) -> list[tuple[Costs, str]]:
         """Return what it costs to go from one place (rows) to another (columns) by a claim."""
         claim, along, kind = said.claim, self.along, said.claim.kind
         here, there, end = along[:, None], along[None, :], along[-1]
@@ -164,6 +166,8 @@ class Alignment:
             ramp(-went, back_m, back_m + 0.6),
             f"{name} comes earlier on the path than the text says",
         )
+        if stays:
+            add(ramp(went, *stays), f"{name} comes later on the path than the text says")
         own = claim.ordinal or (claim.what == "door" and (claim.side or claim.room or claim.name))
         meant = kind == "door" or (claim.what == "thing" and kind in ("pass", "see", "reach"))
         if meant and not own:
@@ -225,11 +229,8 @@ class Alignment:
         """Move on to the place of a claim that is no turn."""
         claim, name = said.claim, said.claim.text or "doorway"
         fit = self._fit(said)
-        own, parts = fit.cost, self._moves(said, fit)
-        stays, seen = self._stays(said), np.arange(len(self.along))
-        if stays:
-            farther = ramp(self.along - self.along[:, None], *stays)
-            parts = [*parts, (farther, f"the {name} comes later on the path than the text says")]
+        own, stays, seen = fit.cost, self._stays(said), np.arange(len(self.along))
+        parts = self._moves(said, fit, stays)
         moves = np.max([cost for cost, _ in parts], axis=0)
         if stays:  # the walker stays where he is
             seen = np.maximum(moves, own).argmin(axis=1)

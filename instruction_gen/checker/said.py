@@ -81,9 +81,10 @@ class Said:
     def turned(self) -> bool:
         """Whether a turn of the same step says the claim's side."""
         step = self.owners[self.index]
-        turns = [c for c, owner in zip(self.claims, self.owners, strict=True)
-                 if owner == step and c.kind == "turn"]  # fmt: skip
-        return any(claim.side == self.claim.side for claim in turns)
+        return any(
+            owner == step and (claim.kind, claim.side) == ("turn", self.claim.side)
+            for claim, owner in zip(self.claims, self.owners, strict=True)
+        )
 
     @property
     def neighbours(self) -> tuple[Claim, Claim]:

@@ -68,6 +68,11 @@ class Clause:
         return any(verb_at(self.tokens, k) for k in range(len(self.tokens)))
 
     @property
+    def last(self) -> Claim | None:
+        """The last of its claims."""
+        return self.claims[-1] if self.claims else None
+
+    @property
     def is_straight(self) -> bool:
         """Whether the way that it tells has no turn."""
         across = any(token.text == "across" for token in self.tokens)

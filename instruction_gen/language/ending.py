@@ -110,10 +110,11 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
     own = any(x.kind == "stop" for c in first for x in c.claims)
-    named = [x for c in first for x in c.claims if x.what]
     toward = any(token.text == "TOWARD" for token in first[0].tokens[:3])
     # "Head for the door, past the sofa" is part of the way.
-    way = any(x.kind == "pass" or (x.what == "door" and not x.room) for x in named)
+    way = any(
+        x.kind == "pass" or (x.what == "door" and not x.room) for c in first for x in c.claims
+    )
     cue = any(c.says(*_ANNOUNCE) for c in first) or (toward and not way)
     if stopped and (moves or not (cue or own)):
         return False
@@ -139,7 +140,7 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
     if clauses[-1].until and not clauses[-1].claims:
         clauses[-1].claims = [Claim("stop")]  # "until you are nearly at the wall"
     clause = next((c for c in reversed(clauses) if c.claims), None)
-    last = clause.claims[-1] if clause else None
+    last = clause and clause.last
     if clause is None or last is None or not (last.name or last.what == "door"):
         return
     if clause.until:

@@ -124,7 +124,7 @@ class _Reader:
             clause.straight = clause.straight or before.straight  # "straight on and into the hall"
         if not starts:
             return
-        last = before.claims[-1] if before.claims else Claim("turn")
+        last = before.last or Claim("turn")
         same = (last.what == starts[0].what and last.kind != "leave") or last.kind == "pass"
         if same or before.negated or before.verb in ("stop", "see"):
             placed = any(read_side(clause.tokens, k) for k in range(len(clause.tokens)))

@@ -10,7 +10,7 @@ from .words import ORDINALS, PREP_OF
 
 def stop_at_it(clause: Clause, before: Clause | None) -> Claim:
     """Return the stop of a clause that names no place: at `it`, or at what was reached last."""
-    last = before.claims[-1] if before and before.claims else Claim("stop")
+    last = (before and before.last) or Claim("stop")
     named = last.what == "thing" and (
         (last.kind == "reach" and not clause.claims)  # not "and stop after two metres"
         or clause.says("it", "them", "there")
@@ -30,7 +30,7 @@ def counted_again(clause: Clause, k: int, before: Clause | None) -> list[Claim] 
     if claims and claims[-1].what:  # "the door is the first one on the left"
         claims[-1] = replace(claims[-1], ordinal=last)
         return []
-    door = before.claims[-1] if before and before.claims else None
+    door = before and before.last
     if door is None or door.what != "door" or door.kind not in ("pass", "see"):
         return None
     return [replace(door, kind="door", ordinal=last)]  # "pass one door, go in at the second"

@@ -26,7 +26,7 @@ def listed_side(
         return False
     side, placed, end = read_side(tokens, k) or ("", False, 0)
     rest = [t.text for t in (*tokens[:k], *tokens[end:])]
-    last = before.claims[-1] if before.claims else None
+    last = before.last
     moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
     # "The table, which you will see on your right", "both of which are on the left".
     relative = placed and tokens[0].text in _RELATIVE and not any(
@@ -60,7 +60,7 @@ def place(clause: Clause, named: list[int], side: str, before: Clause | None) ->
         claims[named[-1]] = replace(claims[named[-1]], kind="see")
     listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
     if listed and before is not None and len(named) == 1 and not clause.has_verb:
-        last = before.claims[-1] if before.claims else None
+        last = before.last
         if last and last.what == claims[named[-1]].what and last.side in ("", "ahead") \
                 and side not in ("ahead", "behind"):  # fmt: skip
             sided(before.claims, -1, side)

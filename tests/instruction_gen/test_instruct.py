@@ -400,7 +400,7 @@ def test_texts_of_a_path_speak_of_different_things_and_say_little_twice(two_room
     ("before", "goes_on"), [("enter", False), ("turn", False), ("follow", True)]
 )
 def test_only_a_way_that_is_followed_goes_on_into_a_room(before, goes_on):
-    """Nobody says "enter the hallway into the kitchen", nor means a turn by "turn left into it"."""
+    """One may "follow the hallway into the kitchen", not "enter the hallway into" it."""
     rng = np.random.default_rng(0)
     for _ in range(9):
         first = drafts(Event(before, 0.0, B="hallway", s="left"), "natural", rng, 1)[0]

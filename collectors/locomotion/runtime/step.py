@@ -59,6 +59,7 @@ class GaitStep:
         robot, count = handles.robot, len(qpos)
         # Plain tuples: kernels take named ones only after a slow look at their type.
         self._state = (qpos, qvel, *Places.of(handles))
+        self._qpos, self._root = qpos, handles.root_qpos
         self._limits = np.array([limits.vx_m_s, limits.vy_m_s, limits.yaw_rad_s])
         self._default, self._tables = robot.default_joint_rad, tuple(gait.tables)
         self._scale_rad = robot.action_scale_rad
@@ -124,16 +125,18 @@ class GaitStep:
     @property
     def pose(self) -> Array:
         """(N, 3) x, y [m] and heading [rad] of the bases."""
-        qpos, root = self._state[0], self._state[2]
-        return np.column_stack(
-            [qpos[:, root : root + 2], quat_to_yaw(qpos[:, root + 3 : root + 7])]
-        )
+        return base_pose(self._qpos, self._root)
 
     def targets(self, output: Floats, clip: float) -> Array:
         """Return servo targets (N, J) [rad]: default pose, reference and clipped outputs (N, P)."""
         targets = self._default + self._reference
         _add_action(output, clip, self._scale_rad, self.action, targets)
         return targets
+
+
+def base_pose(qpos: Array, root: int) -> Array:
+    """Return x, y [m] and heading [rad], (N, 3), of bases at `root` in positions (N, nq)."""
+    return np.column_stack([qpos[:, root : root + 2], quat_to_yaw(qpos[:, root + 3 : root + 7])])
 
 
 @kernel()

@@ -10,7 +10,6 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array, Mask
-from ....formats.core.frames import quat_to_yaw
 from ...robots import (
     POLICY_DECIMATION,
     TIMESTEP_S,
@@ -21,6 +20,7 @@ from ...robots import (
 from ..runtime.observation import RobotState, states_of
 from ..runtime.policy import GaitPolicy
 from ..runtime.sensors import Simulation
+from ..runtime.step import base_pose
 from .pipe import TargetPipe
 from .terrain import Terrain
 
@@ -172,7 +172,7 @@ class Trial:
     def step(self, command: Array) -> None:
         """Advance by 20 ms under commands (N, 3) [m/s, rad/s] in the base frame."""
         ids = np.flatnonzero(self.going)
-        self.poses = np.repeat(self._pose_of(self._qpos)[:, None], 2, axis=1)
+        self.poses = np.repeat(self._step.pose[:, None], 2, axis=1)
         self.slip = np.full((len(command), len(self.handles.sole_geoms)), np.nan)
         self.target_rate = np.full(self._target.shape, np.nan)
         self.estimate_error = np.full((len(command), 2), np.nan)
@@ -196,7 +196,7 @@ class Trial:
         )["qpos"]
         half = POLICY_DECIMATION // 2
         for k, at in enumerate((half - 1, POLICY_DECIMATION - 1)):
-            self.poses[ids, k] = self._pose_of(record[:, at])
+            self.poses[ids, k] = base_pose(record[:, at], self.handles.root_qpos)
         self.time_s += STEP_S
         if self._soles is not None:
             soles, self._soles = self._soles, self._look_at_soles()
@@ -234,11 +234,6 @@ class Trial:
         ground = self.conditions.terrain.at(soles[..., :2])
         return (soles[..., 2] - self._sole_radius - ground).min(axis=-1)
 
-    def _pose_of(self, qpos: Array) -> Array:
-        """Return (N, 3) x, y [m] and heading [rad] of generalised positions (N, nq)."""
-        q = self.handles.root_qpos
-        return np.column_stack([qpos[:, q : q + 2], quat_to_yaw(qpos[:, q + 3 : q + 7])])
-
     def _look_at_soles(self) -> _Soles:
         h = self.handles
         position = self._geoms[:, h.sole_geoms]
@@ -268,8 +263,7 @@ class Trial:
         lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
         height = self._com[:, self.handles.root_body, 2] - lowest.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1)
-        terrain, pose = self.conditions.terrain, self._pose_of(self._qpos)
-        gravity = levelled(self.state().gravity, terrain, pose)
+        gravity = levelled(self.state().gravity, self.conditions.terrain, self._step.pose)
         return broken | fallen(gravity, height, self.policy.robot.fall)
 
     def kick(self, robots: Mask, speed_m_s: float) -> None:
