@@ -8,11 +8,13 @@
       levels/<k>/floor.npz      floor heights (MuJoCo height field) and coverage
       levels/<k>/obstacles.npz  boxes
       levels/<k>/freemap.npz    planning map inputs
+      stairs/<k>/*.npz          the same of each climbable staircase, and treads.npz, its boxes
       repair.json, before.png, after.png
 
 The index is written last: a folder with one is complete.
 """
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,7 @@ from ..untrusted.files import is_relative
 from .arrays import grid_arrays, grid_of, known_fields, record_of, save_npz
 from .freemap import Freemap
 from .grid import GridSpec
+from .staircase import Staircase, Treads
 
 INDEX_NAME = "scene.json"
 FORMAT_VERSION = 1
@@ -132,6 +135,7 @@ class SceneBundle:
         materials, labels, objects: see their records; labels are category names.
         level_floor_z_m: median floor height of each level, lowest first.
         generator: facts of a generated scene (seed, …); empty for a scan.
+        staircases: between its levels; their index counts those that nobody can climb, too.
     """
 
     root: Path
@@ -144,6 +148,7 @@ class SceneBundle:
     objects: tuple[LabeledObject, ...]
     level_floor_z_m: tuple[float, ...]
     generator: dict[str, Any] = field(default_factory=dict)
+    staircases: tuple[Staircase, ...] = ()
 
     def visual(self) -> VisualMesh:
         """Load the visual mesh; bundles without `face_object` give −1 for every face."""
@@ -161,33 +166,89 @@ class SceneBundle:
             raise ValueError(f"level {level} of {self.scene_id}; valid: 0 … {count - 1}")
         return self.root / "levels" / str(level)
 
+    def stair_folder(self, staircase: int) -> Path:
+        """Return the folder of a climbable staircase.
+
+        Raises:
+            ValueError: no such staircase, or nobody can climb it; the message says why.
+        """
+        if not 0 <= staircase < len(self.staircases):
+            count = len(self.staircases)
+            valid = f"0 … {count - 1}" if count else "none, it has no staircases"
+            raise ValueError(f"staircase {staircase} of {self.scene_id}; valid: {valid}")
+        if problem := self.staircases[staircase].problem:
+            raise ValueError(f"staircase {staircase} of {self.scene_id} {problem}")
+        return self.root / "stairs" / str(staircase)
+
     def floor(self, level: int) -> Floor:
         """Load a level's floor."""
-        path = self.level_folder(level) / "floor.npz"
-        return record_of(path, lambda data: Floor(grid_of(data), data["height_m"], data["covered"]))
+        return _floor(self.level_folder(level))
 
     def obstacles(self, level: int) -> Obstacles:
         """Load a level's collision boxes."""
-        path = self.level_folder(level) / "obstacles.npz"
-        return record_of(path, lambda data: Obstacles(**known_fields(Obstacles, data)))
+        return _obstacles(self.level_folder(level))
 
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""
-        path = self.level_folder(level) / "freemap.npz"
-        return record_of(path, lambda data: Freemap(grid_of(data), **known_fields(Freemap, data)))
+        return _freemap(self.level_folder(level))
+
+    def stair_floor(self, staircase: int) -> Floor:
+        """Load the floor of a staircase: treads, landings, and floor of both levels at its ends."""
+        return _floor(self.stair_folder(staircase))
+
+    def stair_obstacles(self, staircase: int) -> Obstacles:
+        """Load the collision boxes over and beside a staircase."""
+        return _obstacles(self.stair_folder(staircase))
+
+    def stair_freemap(self, staircase: int) -> Freemap:
+        """Load the planning map of a staircase."""
+        return _freemap(self.stair_folder(staircase))
+
+    def stair_treads(self, staircase: int) -> Treads:
+        """Load the boxes that a staircase consists of."""
+        path = self.stair_folder(staircase) / "treads.npz"
+        return record_of(path, lambda data: Treads(**known_fields(Treads, data)))
+
+
+def _floor(folder: Path) -> Floor:
+    path = folder / "floor.npz"
+    return record_of(path, lambda data: Floor(grid_of(data), data["height_m"], data["covered"]))
+
+
+def _obstacles(folder: Path) -> Obstacles:
+    path = folder / "obstacles.npz"
+    return record_of(path, lambda data: Obstacles(**known_fields(Obstacles, data)))
+
+
+def _freemap(folder: Path) -> Freemap:
+    path = folder / "freemap.npz"
+    return record_of(path, lambda data: Freemap(grid_of(data), **known_fields(Freemap, data)))
 
 
 def save_bundle(
-    bundle: SceneBundle, visual: VisualMesh, levels: list[tuple[Floor, Obstacles, Freemap]]
+    bundle: SceneBundle,
+    visual: VisualMesh,
+    levels: list[tuple[Floor, Obstacles, Freemap]],
+    stairs: Mapping[int, tuple[Floor, Obstacles, Freemap, Treads]] | None = None,
 ) -> None:
-    """Write `bundle` and its arrays under `bundle.root`; the index goes last."""
+    """Write `bundle` and its arrays under `bundle.root`; the index goes last.
+
+    Args:
+        stairs: what each climbable staircase consists of, by its index.
+    """
     save_npz(bundle.root / "visual.npz", **vars(visual))
-    for k, (floor, obstacles, freemap) in enumerate(levels):
-        folder = bundle.root / "levels" / str(k)
-        save_npz(folder / "floor.npz", **grid_arrays(floor.grid), **_without_grid(floor))
-        save_npz(folder / "obstacles.npz", **vars(obstacles))
-        save_npz(folder / "freemap.npz", **grid_arrays(freemap.grid), **_without_grid(freemap))
+    for k, level in enumerate(levels):
+        _save_sheet(bundle.level_folder(k), *level)
+    for k, (*sheet, treads) in (stairs or {}).items():
+        _save_sheet(bundle.stair_folder(k), *sheet)
+        save_npz(bundle.stair_folder(k) / "treads.npz", **vars(treads))
     save_index(bundle)
+
+
+def _save_sheet(folder: Path, floor: Floor, obstacles: Obstacles, freemap: Freemap) -> None:
+    save_npz(folder / "floor.npz", **grid_arrays(floor.grid), **_without_grid(floor))
+    save_npz(folder / "obstacles.npz", **vars(obstacles))
+    save_npz(folder / "freemap.npz", **grid_arrays(freemap.grid), **_without_grid(freemap))
 
 
 def _without_grid(record: Floor | Freemap) -> dict[str, Any]:
@@ -209,6 +270,7 @@ def save_index(bundle: SceneBundle) -> None:
             "objects": [asdict(o) for o in bundle.objects],
             "level_floor_z_m": list(bundle.level_floor_z_m),
             "generator": bundle.generator,
+            "staircases": [s.as_json() for s in bundle.staircases],
         },
     )
 
@@ -247,6 +309,11 @@ def load_bundle(root: Path) -> SceneBundle:
             ),
             level_floor_z_m=tuple(index["level_floor_z_m"]),
             generator=index["generator"],
+            staircases=tuple(
+                # Scenes repaired before there were staircases have no such key.
+                Staircase.from_json(values, len(index["level_floor_z_m"]))
+                for values in index.get("staircases", ())
+            ),
         )
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise FileFormatError(path, f"not a scene index: {error!r}") from error
