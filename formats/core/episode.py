@@ -19,7 +19,7 @@ class Episode:
         trajectory_id: episodes of one path with different instructions share it.
         scene_id: as in VLN-CE, e.g. `mp3d/<id>/<id>.glb`, or the scene's name.
         split: `train`, `val_unseen`, …
-        level: index of the scene level the path lies on.
+        level: index of the scene level the path starts on, and lies on if it takes no stairs.
         start_position_world_m: (3,) [m].
         start_yaw_rad: heading, 0 = +x.
         goal_position_world_m: (3,) [m].
@@ -48,6 +48,16 @@ class Episode:
     def free_height_m(self) -> float:
         """Return the free height [m] above the path; `FULL_HEIGHT_M` suits every robot."""
         return self.extra.get("free_height_m") or FULL_HEIGHT_M
+
+    @property
+    def staircases(self) -> tuple[int, ...]:
+        """Return the scene's staircases that the path takes, in order; none on a single level."""
+        return tuple(self.extra.get("staircases", ()))
+
+    @property
+    def levels(self) -> tuple[int, ...]:
+        """Return the levels that the path takes, in order."""
+        return tuple(self.extra.get("levels", (self.level,)))
 
     @property
     def reference_length_m(self) -> float:
