@@ -87,7 +87,7 @@ class _FlatGround:
     """A robot on an endless floor."""
 
     def __init__(self, robot: RobotSpec, gait: Any) -> None:
-        self._robot, self._gait = robot, gait
+        self._robot, self._gait = robot, gait.over(None) if isinstance(gait, GaitPolicy) else gait
         self._model = robot.build_model()
         self._data = mujoco.MjData(self._model)
         self._handles = RobotHandles.find(robot, self._model)

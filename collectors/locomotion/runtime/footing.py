@@ -18,6 +18,8 @@ from .gait import RATE_HZ, GaitClock
 
 # Powers of a foot's shift forward and up in the polynomials that turn it into joint offsets.
 POWERS = tuple((i, n - i) for n in range(1, 6) for i in range(n + 1))
+# Heights of a scan that differ by more are no level ground, whatever the camera's noise.
+UNEVEN_M = 0.045
 SLOPE_S = 0.16  # time constant of the slope under a robot
 SERVO_S = 0.05  # and of joints that follow their targets
 

@@ -36,26 +36,60 @@ class GaitPolicy:
         network: turns observations into actions.
         estimates: whether trials let it estimate the state from sensors; `reset` decides in a
             replay.
+        stairs: a gait of the same clock and footing whose network, which sees the ground, acts
+            instead wherever that is uneven (`GaitStep.uneven`); None for a gait without one.
+        ground: what its footing sees in a replay; level when None.
     """
 
     def __init__(
-        self, robot: RobotSpec, card: PolicyCard, network: Network, estimates: bool = False
+        self,
+        robot: RobotSpec,
+        card: PolicyCard,
+        network: Network,
+        estimates: bool = False,
+        stairs: GaitPolicy | None = None,
+        ground: Ground | None = None,
     ) -> None:
         self.robot, self.card, self.network, self.estimates = robot, card, network, estimates
+        self.stairs, self.ground = stairs, ground
         self._seed: int | None = None
         self._data: mujoco.MjData | None = None
         self._step: GaitStep | None = None
 
     @classmethod
     def load(cls, robot: RobotSpec, folder: Path | None = None) -> GaitPolicy:
-        """Read the network and the card that `policy_files` names.
+        """Read the network and the card that `policy_files` names, and those for stairs if any.
 
         Raises:
             FileFormatError: a file is missing or broken.
             PolicyMismatchError: trained on another model, joint order or observation layout, or
-                the network is not the card's.
+                the network is not the card's, or the gait for stairs has another clock or footing.
         """
-        path, card_path = policy_files(robot, folder)
+        policy = cls._read(robot, *policy_files(robot, folder))
+        path, card_path = stairs_files(robot, folder)
+        if not card_path.is_file():
+            return policy
+        return policy.with_stairs(cls._read(robot, path, card_path), card_path)
+
+    def with_stairs(self, stairs: GaitPolicy, card_path: Path) -> GaitPolicy:
+        """Return this gait for level ground and, wherever it is uneven, another one.
+
+        Raises:
+            PolicyMismatchError: the other one, whose card is at `card_path`, has another clock,
+                footing or past, or does not see the ground.
+        """
+        for what in ("gait", "footing", "past", "action_clip"):
+            if getattr(stairs.card, what) != getattr(self.card, what):
+                raise PolicyMismatchError(card_path, f"its {what} is not that of the level gait")
+        if self.card.sees_ground or not stairs.card.sees_ground:
+            raise PolicyMismatchError(
+                card_path,
+                "valid: a height scan in its observation, and none in the level one's",
+            )
+        return GaitPolicy(self.robot, self.card, self.network, self.estimates, stairs, self.ground)
+
+    @classmethod
+    def _read(cls, robot: RobotSpec, path: Path, card_path: Path) -> GaitPolicy:
         card = load_card(card_path)
         card.check(robot, card_path)
         if not path.is_file():
@@ -78,12 +112,16 @@ class GaitPolicy:
         return cls(robot, card, network)
 
     def changed(self, robot: RobotSpec, card: PolicyCard) -> GaitPolicy:
-        """Return the same network for other facts; nothing is checked again."""
-        return GaitPolicy(robot, card, self.network, self.estimates)
+        """Return the same networks for other facts; nothing is checked again."""
+        return GaitPolicy(robot, card, self.network, self.estimates, self.stairs, self.ground)
 
     def estimating(self) -> GaitPolicy:
         """Return the same gait for trials in which it estimates the state from sensors."""
-        return GaitPolicy(self.robot, self.card, self.network, estimates=True)
+        return GaitPolicy(self.robot, self.card, self.network, True, self.stairs, self.ground)
+
+    def over(self, ground: Ground | None) -> GaitPolicy:
+        """Return the same gait for replays in which its footing, if it has one, sees `ground`."""
+        return GaitPolicy(self.robot, self.card, self.network, self.estimates, self.stairs, ground)
 
     @property
     def phase(self) -> float:
@@ -123,15 +161,28 @@ class GaitPolicy:
         step = self._step
         if step is None or self._data is not data:
             step = self._start(data)
-        self.network.run(step.observe(command), self._output)
+        self.run(step, command, self._output)
         return step.targets(self._output, self.card.action_clip)[0]
+
+    def run(self, step: GaitStep, command: ArrayLike, output: NDArray[np.float32]) -> None:
+        """Advance a step of `steps` under commands (N, 3); fill `output` (N, P) with actions."""
+        seen = step.observe(command)
+        if self.stairs is None:
+            self.network.run(seen, output)
+            return
+        self.network.run(np.ascontiguousarray(seen[:, : self.network.inputs]), output)
+        uneven = np.flatnonzero(step.uneven)
+        if len(uneven):
+            there = np.empty((len(uneven), output.shape[1]), dtype=np.float32)
+            self.stairs.network.run(seen[uneven], there)
+            output[uneven] = there
 
     def _start(self, data: mujoco.MjData) -> GaitStep:
         """Return a step for another simulation, with the clock and the action of the last one."""
         handles = RobotHandles.find(self.robot, data.model)
         memory = (data.qpos, data.qvel, data.sensordata, data.actuator_force)
         simulation = Simulation(*(array[None] for array in memory))
-        step = self.steps(simulation, data.model, handles, self._seed)
+        step = self.steps(simulation, data.model, handles, self._seed, self.ground)
         self._output = np.zeros(step.action.shape, dtype=np.float32)
         if self._step is not None:
             step.continue_from(self._step)
@@ -156,6 +207,7 @@ class GaitPolicy:
             InputError: no state can be estimated of such legs; see `Legs.of`.
         """
         card, sensed = self.card, None
+        sees_ground = (self.stairs or self).card.sees_ground
         if seed is not None:
             sensors = Sensors(simulation, handles, SensorErrors(), seed)
             sensed = sensors, StateEstimator(model, handles, len(simulation.qpos))
@@ -167,9 +219,9 @@ class GaitPolicy:
             self.robot.command_limits,
             past=card.past,
             sensed=sensed,
-            footing=card.footing,
+            footing=card.footing if sees_ground or ground is not None else None,
             ground=ground,
-            sees_ground=card.sees_ground,
+            sees_ground=sees_ground,
         )
 
     def infer(self, observation: Array) -> Array:
@@ -195,3 +247,20 @@ def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Pa
         return next((p for p in paths if p.is_file()), paths[0]), robot.folder / CARD_NAME
     folder = folder or POLICY_FOLDER
     return folder / f"{robot.name}.safetensors", folder / f"{robot.name}.json"
+
+
+def stairs_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:
+    """Return where the network and the card of a gait for stairs may be, beside `policy_files`."""
+    network, card = policy_files(robot, folder)
+    return network.with_stem(f"{network.stem}-stairs"), card.with_stem(f"{card.stem}-stairs")
+
+
+def climbs(robot: RobotSpec) -> bool:
+    """Return whether a robot can take stairs: its gait has a footing, or it is only placed.
+
+    Raises:
+        FileFormatError: its gait's card is missing or broken.
+    """
+    if robot.drive is not None or not robot.joints:
+        return robot.drive is None
+    return load_card(policy_files(robot)[1]).footing is not None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
-from ....formats.core.arrays import Array, Floats
+from ....formats.core.arrays import Array, Floats, Mask
 from ....formats.core.frames import quat_to_yaw
 from ....formats.process.kernel import kernel
 from ...robots import CommandLimits, RobotHandles
 from .estimator import StateEstimator
 from .footholds import Footholds, FootingTables, place_feet, see_ground
-from .footing import Footing, Ground
+from .footing import UNEVEN_M, Footing, Ground
 from .gait import ClockState, GaitClock, GaitTables, aim_at, catch, refer, tick
 from .observation import Places, body_width, layout, observe, true_body
 from .sensors import Sensors
@@ -121,6 +121,13 @@ class GaitStep:
             self.observation, self._reference, self._footed, self._scan,
         )  # fmt: skip
         return self.observation
+
+    @property
+    def uneven(self) -> Mask:
+        """(N,) whether the ground that was seen last is not level; never without a footing."""
+        if self._footed is None:
+            return np.zeros(len(self._scan), dtype=bool)
+        return np.ptp(self._scan, axis=(1, 2)) > UNEVEN_M
 
     @property
     def pose(self) -> Array:

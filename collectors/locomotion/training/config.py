@@ -230,5 +230,6 @@ _STAIRS = TrainingConfig(
     init_std=0.2,
     entropy=0.001,
     kl=0.012,
+    hidden=(256, 128),
 )
 STAIRS: Phases = ((_STAIRS, 4000),)

@@ -113,7 +113,7 @@ class GaitEnv(VecEnv):
         self._foot_height, self._height = np.zeros((n, f)), np.zeros(n)
         self._age = np.zeros(n, dtype=np.int64)
         self.push_scale = self.smoothness_scale = 1.0
-        self.statistics: dict[str, list[float]] = {}
+        self._statistics: dict[str, list[float]] = {}
 
     def get_observations(self) -> TensorDict:
         """Return the observations: group `policy` (noisy) and group `privileged` (critic only)."""
@@ -160,7 +160,8 @@ class GaitEnv(VecEnv):
         # Each simulation applies the new target some physics steps late.
         action = actions.numpy()
         if self.base is not None:
-            action = action + self.base.act(self._noisy)
+            # On level ground the finished gait acts alone.
+            action = action * self._step.uneven[:, None] + self.base.act(self._noisy)
         target = self._step.targets(action, self.config.action_clip)
         control = self._pipe.push(target)
         self.batch.rollout(POLICY_DECIMATION, control[..., self._ctrl_order], record=())
@@ -192,6 +193,12 @@ class GaitEnv(VecEnv):
             torch.from_numpy(done),
             {"time_outs": torch.from_numpy(time_out)},
         )
+
+    def take_statistics(self) -> tuple[dict[str, float], NDArray[np.int64]]:
+        """Return means by name since the last call, and walks of the course; see `Course`."""
+        means = {name: float(np.mean(values)) for name, values in self._statistics.items()}
+        self._statistics.clear()
+        return means, self.course.take_walks()
 
     def _weight(self, name: str) -> float:
         # Punished for every jerk from the start, a robot would learn to stand still.
@@ -293,7 +300,7 @@ class GaitEnv(VecEnv):
         for name, value in terms.items():
             note[f"term_{name}"] = float(value.mean()) * self._weight(name)
         for name, value in note.items():
-            self.statistics.setdefault(name, []).append(value)
+            self._statistics.setdefault(name, []).append(value)
 
 
 def _mean(values: Array, where: Mask) -> float:

@@ -11,7 +11,7 @@ output folder; `--publish` evaluates the result and installs it, a robot of one'
 import csv
 import logging
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -25,12 +25,13 @@ from ....formats.core.atomic import atomic_file
 from ....formats.core.errors import InputError, VlnpeError
 from ...robots import RobotSpec, get_robot
 from ..trials.terrain import Terrain, rough_terrain, stairs_terrain
-from .config import STAIRS, Phases, ppo_config
+from .config import STAIRS, Phases, TrainingConfig, ppo_config
 from .env import GaitEnv
 from .export import write_policy
 from .recipes import recipe
 from .stairs.base import Base
 from .stairs.reach import footing
+from .workers import Workers
 
 log = logging.getLogger(__name__)
 RISERS_M, GOINGS_M, LANES, STEPS = (0.05, 0.19), (0.25, 0.31), 12, 7  # of stairs
@@ -50,7 +51,8 @@ class Arguments:
             that it climbs.
         start: folder of that gait; default the installed one.
         seed: random seed of the training.
-        threads: number of threads for physics.
+        threads: number of threads for physics, of each worker.
+        workers: number of processes that share the robots; more than one pays from 4 cores on.
         device: where PyTorch learns: cpu, cuda.
         publish: evaluate the result and install it into the package.
         iterations: PPO iterations per phase; default as configured. For a quick trial.
@@ -62,6 +64,7 @@ class Arguments:
     start: Path | None = None
     seed: int = 0
     threads: int = 2
+    workers: int = 1
     device: str = "cpu"
     publish: bool = False
     iterations: int | None = None
@@ -101,6 +104,11 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
     added_to = base.card.network_sha256 if base else ""
     if base is not None:
         footing(robot, base.card.gait)  # raises if the legs cannot follow stairs
+    for phase, _ in phases:
+        if arguments.workers < 1 or phase.envs % arguments.workers:
+            raise InputError(
+                f"--workers {arguments.workers}; valid: a divisor of {phase.envs}, the robots"
+            )
     out.mkdir(parents=True, exist_ok=True)
     for number, (phase, planned) in enumerate(phases):
         last = first + (planned if iterations is None else iterations)
@@ -117,7 +125,7 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
         log.info("phase %d: %s terrain, iterations %d to %d", number, phase.terrain, done, last)
         rng = np.random.default_rng([seed, number, done])
         torch.manual_seed(seed + done)
-        env = GaitEnv(robot, phase, ground(phase.terrain, rng), rng, arguments.threads, base)
+        env = _environment(robot, phase, rng, base, arguments)
         settings = {**ppo_config(phase, seed), "multi_gpu": None}
         runner = OnPolicyRunner(env, settings, device=arguments.device)
         if checkpoint.exists():
@@ -144,7 +152,33 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
             if done % 50 == 0 or done == last:
                 facts = _facts(phases, seed, progress)
                 write_policy(robot, phase, runner.alg.get_policy(), facts, out, base, env.footing)
+        if isinstance(env, Workers):
+            env.close()
         first = last
+
+
+def _environment(
+    robot: RobotSpec,
+    phase: TrainingConfig,
+    rng: np.random.Generator,
+    base: Base | None,
+    arguments: Arguments,
+) -> GaitEnv | Workers:
+    """Return the robots of a phase, in this process or shared by several."""
+    count = arguments.workers
+    share = replace(phase, envs=phase.envs // count)
+    generators = rng.spawn(count) if count > 1 else [rng]
+
+    def build(number: int) -> GaitEnv:
+        own = generators[number]
+        return GaitEnv(robot, share, ground(phase.terrain, own), own, arguments.threads, base)
+
+    first = build(0)
+    if count == 1:
+        return first
+    first.get_observations()
+    first.step(torch.zeros(share.envs, first.num_actions))  # compiles
+    return Workers(first, build, count)
 
 
 def ground(kind: str, rng: np.random.Generator) -> Terrain:
@@ -166,32 +200,34 @@ def _facts(phases: Phases, seed: int, progress: dict[str, Any]) -> dict[str, Any
 
 
 def _write_curve(
-    path: Path, env: GaitEnv, runner: OnPolicyRunner, done: int, samples: int, wall_s: float
+    path: Path, env: GaitEnv | Workers, runner: OnPolicyRunner, done: int, samples: int, s: float
 ) -> None:
-    row = {
+    means, walks = env.take_statistics()
+    row: dict[str, float] = {
         "iteration": done,
         "samples": samples,
-        "wall_s": round(wall_s, 1),
+        "wall_s": round(s, 1),
         "learning_rate": runner.alg.learning_rate,
         "action_std": float(runner.alg.get_policy().output_std.detach().mean()),
-        **{name: round(float(np.mean(v)), 5) for name, v in env.statistics.items()},
+        **{name: round(value, 5) for name, value in means.items()},
     }
-    env.statistics.clear()
-    news = env.course.news()
-    row |= news
     log.info(
         "%5d  %5.1f M  %6.0f s  reward %6.3f  error %.3f m/s %.3f rad/s  falls/min %.2f",
         done,
         samples / 1e6,
-        wall_s,
+        s,
         row["reward"],
         row["linear_error"],
         row["yaw_error"],
         row["falls_per_minute"],
     )
-    shares = [(k.removeprefix("climbed_"), v) for k, v in news.items() if k.startswith("climbed_")]
+    shares = []
+    for riser_m, (climbed, count) in zip(np.linspace(*RISERS_M, len(walks)), walks, strict=True):
+        name = f"{100 * riser_m:.1f}cm"
+        row |= {f"climbed_{name}": round(climbed / max(count, 1), 3), f"episodes_{name}": count}
+        shares.append(f"{name} {climbed / max(count, 1):.0%}")
     if shares:
-        log.info("       climbed  %s", "  ".join(f"{name} {share:.0%}" for name, share in shares))
+        log.info("       climbed  %s", "  ".join(shares))
     fresh = not path.exists()
     with path.open("a", newline="") as file:
         writer = csv.DictWriter(file, fieldnames=list(row))

@@ -14,12 +14,12 @@ from typing import Annotated, Any
 import numpy as np
 import tyro
 
-from ....formats.core.atomic import atomic_file
+from ....formats.core.atomic import write_bytes
 from ....formats.core.errors import InputError, VlnpeError
 from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
-from ..runtime.card import save_card
-from ..runtime.policy import GaitPolicy, policy_files
+from ..runtime.card import PolicyCard, save_card
+from ..runtime.policy import GaitPolicy, policy_files, stairs_files
 from ..state import State
 from ..training.stairs.reach import footing
 from .aim import calibrated
@@ -114,11 +114,13 @@ def publish(
         card = replace(policy.card, evaluation=policy.card.evaluation | {"estimated": estimated})
     else:
         card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
-    path, card_path = policy_files(robot, target)
-    with atomic_file(path) as temporary:
-        temporary.write_bytes(policy_files(robot, source)[0].read_bytes())
-    save_card(card, card_path)
+    _install(policy_files(robot, source)[0].read_bytes(), card, *policy_files(robot, target))
     return card.evaluation
+
+
+def _install(content: bytes, card: PolicyCard, path: Path, card_path: Path) -> None:
+    write_bytes(path, content)
+    save_card(card, card_path)
 
 
 def report(evaluation: dict[str, Any]) -> str:
@@ -161,19 +163,25 @@ def main(
         state: true, or estimated from the robot's sensors.
         stairs: test flights of stairs alone; a gait without a footing gets the one with which
             training on stairs begins.
-        publish_it: install the policy, with its table.
+        publish_it: install the policy, with its table; with `stairs`, beside the level one.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if stairs:
-        if publish_it:
-            raise InputError("--stairs --publish: a policy is installed with its whole table")
         gait = GaitPolicy.load(spec, policy)
-        gait = gait.estimating() if state == "estimated" else gait
-        if gait.card.footing is None:
+        learned = gait.card if gait.card.sees_ground else None
+        if publish_it and not learned:
+            raise InputError("--stairs --publish installs a --policy that was trained on stairs")
+        if learned:  # as replays run it: beside the installed one
+            gait = GaitPolicy.load(spec).with_stairs(gait, policy_files(spec, policy)[1])
+        elif gait.card.footing is None:
             gait = gait.changed(spec, replace(gait.card, footing=footing(spec, gait.card.gait)))
-        count = max(2, round(50 * scale))
-        log.info("%s", climbed(flights(gait, count, np.random.default_rng(seed))))
+        gait = gait.estimating() if state == "estimated" else gait
+        table = flights(gait, max(2, round(50 * scale)), np.random.default_rng(seed))
+        if publish_it and learned:
+            content = policy_files(spec, policy)[0].read_bytes()
+            _install(content, replace(learned, evaluation=table), *stairs_files(spec))
+        log.info("%s", climbed(table))
         return
     if publish_it:
         evaluation = publish(spec, policy, None, scale, state)

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ....collectors.controllers import SpeedConfig, get_controller
-from ....collectors.locomotion.runtime.policy import policy_files
+from ....collectors.locomotion.runtime.policy import policy_files, stairs_files
 from ....collectors.locomotion.state import State
 from ....collectors.replay.replay import ReplayConfig
 from ....collectors.robots import RobotSpec
@@ -73,7 +73,8 @@ def identity(walker: Walker) -> tuple[ReplayConfig, str, list[str] | None]:
     rollouts depend on its own gait alone.
     """
     robot = walker.robot
-    gait = [file_digest(path) for path in policy_files(robot)] if robot.policy_joints else None
+    files = (*policy_files(robot), *filter(Path.is_file, stairs_files(robot)))
+    gait = [file_digest(path) for path in files] if robot.policy_joints else None
     return walker.config, robot.content_sha256, gait
 
 

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,15 @@ import pytest
 
 from vlnpe.collectors.locomotion.runtime.card import PolicyMismatchError, load_card, save_card
 from vlnpe.collectors.locomotion.runtime.footing import POWERS, Footing
-from vlnpe.collectors.locomotion.runtime.policy import GaitPolicy
+from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers
+from vlnpe.collectors.locomotion.runtime.observation import layout
+from vlnpe.collectors.locomotion.runtime.policy import (
+    GaitPolicy,
+    climbs,
+    policy_files,
+    stairs_files,
+)
+from vlnpe.collectors.locomotion.runtime.sensors import Simulation
 from vlnpe.collectors.locomotion.runtime.step import GaitStep
 from vlnpe.collectors.locomotion.training.derived import Stance
 from vlnpe.collectors.locomotion.training.stairs.reach import footing
@@ -27,13 +36,21 @@ ALIENGO = get_robot("aliengo")
 
 
 @pytest.fixture(scope="module")
-def plain() -> GaitPolicy:
+def footed() -> GaitPolicy:
+    """The installed gait."""
     return GaitPolicy.load(ALIENGO)
 
 
 @pytest.fixture(scope="module")
-def footed(plain: GaitPolicy) -> GaitPolicy:
-    return plain.changed(ALIENGO, replace(plain.card, footing=footing(ALIENGO, plain.card.gait)))
+def plain(footed: GaitPolicy) -> GaitPolicy:
+    return footed.changed(ALIENGO, replace(footed.card, footing=None))
+
+
+def test_the_installed_gait_has_the_footing_of_its_legs(footed: GaitPolicy):
+    assert footed.card.footing == footing(ALIENGO, footed.card.gait)
+    assert {name: climbs(get_robot(name)) for name in ("aliengo", "h1", "jetbot", "vlnce")} == {
+        "aliengo": True, "h1": False, "jetbot": False, "vlnce": True,
+    }  # fmt: skip
 
 
 def ray_heights(terrain: Terrain, xy: np.ndarray) -> np.ndarray:
@@ -100,20 +117,70 @@ def test_joint_offsets_put_feet_where_they_shall_be(
     np.testing.assert_allclose(moved, np.tile((ahead, 0.0, above), (4, 1)), atol=0.006)
 
 
+def learned_on_stairs(footed: GaitPolicy) -> GaitPolicy:
+    """A gait that sees the ground and, wherever it acts, adds an offset to that of level ground."""
+    card = footed.card
+    seen = layout(ALIENGO.policy_joints, card.past, card.footing)
+    weights, biases = decode_layers(Path(), policy_files(ALIENGO)[0].read_bytes())
+    ground = sum(width for _, width in seen) - footed.network.inputs
+    wide = [np.pad(weights[0], ((0, 0), (0, ground))), *weights[1:]]
+    network = Mlp(wide, [*biases[:-1], biases[-1] + np.float32(0.1)])
+    return GaitPolicy(ALIENGO, replace(card, observation=seen), network)
+
+
 def test_on_level_ground_a_footing_changes_nothing(plain: GaitPolicy, footed: GaitPolicy):
     rng, robots = np.random.default_rng(1), 3
+    terrain = stairs_terrain((0.15,), (0.28,), steps=6, hills=1)
+    before = np.array([terrain.lanes[0].foot_m[0] - 2.4, 0.0]) + np.zeros((robots, 2))
+    learned = footed.with_stairs(learned_on_stairs(footed), Path())
     trials = [
         Trial(
-            policy, Conditions(friction=0.8), np.zeros((robots, 2)), np.zeros(robots),
+            policy, Conditions(terrain, friction=0.8), before, np.zeros(robots),
             np.random.default_rng(2),
         )
-        for policy in (plain, footed)
+        for policy in (plain, footed, learned)
     ]  # fmt: skip
     for _ in range(100):
         command = rng.uniform(-0.5, 0.5, (robots, 3))
         for trial in trials:
             trial.step(command)
         np.testing.assert_array_equal(trials[0].qpos, trials[1].qpos)
+        np.testing.assert_array_equal(trials[0].qpos, trials[2].qpos)
+
+
+def test_a_gait_learned_on_stairs_acts_where_the_ground_is_uneven(footed: GaitPolicy):
+    terrain = stairs_terrain((0.04, 0.05), (0.28, 0.28), steps=1, hills=1)
+    policy = footed.with_stairs(learned_on_stairs(footed), Path())
+    # Before a step of 4 cm, before one of 5 cm, and out of its sight.
+    foot = terrain.lanes[1].foot_m[0]
+    xy = np.array([(foot - 0.5, lane.y_m) for lane in terrain.lanes] + [(foot - 0.7, 1.5)])
+    model = ALIENGO.build_model()
+    handles = RobotHandles.find(ALIENGO, model)
+    qpos = np.tile(model.qpos0, (3, 1))
+    qpos[:, handles.root_qpos : handles.root_qpos + 2] = xy
+    state = np.zeros((3, model.nv)), np.zeros((3, model.nsensordata)), np.zeros((3, model.nu))
+    outputs = []
+    for each in (footed, policy):
+        step = each.steps(Simulation(qpos, *state), model, handles, None, terrain)
+        outputs.append(np.zeros((3, 12), np.float32))
+        each.run(step, np.zeros((3, 3)), outputs[-1])
+    np.testing.assert_array_equal(outputs[1][[0, 2]], outputs[0][[0, 2]])
+    np.testing.assert_allclose(outputs[1][1] - outputs[0][1], 0.1, atol=1e-5)
+
+
+def test_a_gait_for_stairs_fits_the_level_one(footed: GaitPolicy, tmp_path: Path):
+    network, card = policy_files(ALIENGO)
+    for path in (network, card):
+        shutil.copy(path, tmp_path / path.name)
+    assert GaitPolicy.load(ALIENGO, tmp_path).stairs is None
+    there = stairs_files(ALIENGO, tmp_path)
+    for path, copy in zip((network, card), there, strict=True):
+        shutil.copy(path, copy)
+    with pytest.raises(PolicyMismatchError, match="height scan in its"):
+        GaitPolicy.load(ALIENGO, tmp_path)
+    save_card(replace(footed.card, footing=None), there[1])
+    with pytest.raises(PolicyMismatchError, match=r"aliengo-stairs.json.*its footing"):
+        GaitPolicy.load(ALIENGO, tmp_path)
 
 
 def test_feet_are_put_flat_on_treads(footed: GaitPolicy):
@@ -221,11 +288,16 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     answer = policy.infer(image)[:, mirror.joint_order.numpy()] * mirror.joint_signs.numpy()
     np.testing.assert_allclose(answer, policy.infer(seen), atol=1e-4)
     monkeypatch.setattr(training, "STAIRS", ((phase, 3),))
-    training.train(ALIENGO, tmp_path, arguments)
+    # It goes on with half of the robots in each of two processes.
+    training.train(ALIENGO, tmp_path, replace(arguments, workers=2))
     with (tmp_path / "curve.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert [int(row["iteration"]) for row in rows] == [2, 3]
     assert sum(name.startswith("climbed_") for name in rows[0]) == training.LANES
+    assert rows[0].keys() == rows[1].keys() and float(rows[1]["reward"]) > 0.0
+    with pytest.raises(InputError, match=r"--workers 5; valid: a divisor of 12"):
+        training.train(ALIENGO, tmp_path / "other", replace(arguments, workers=5))
+    assert not (tmp_path / "other").exists()
 
 
 def test_what_cannot_be_trained_leaves_nothing(training: Any, tmp_path: Path):
@@ -263,7 +335,7 @@ def test_robots_get_the_stairs_that_they_can_climb(training: Any):
     stairs.finish(robots, pose, fell)
     assert (stairs.lane[on[:5]] == 0).all()
     assert (stairs.lane[on[5:]] == 2).mean() > 0.8
-    assert (stairs.lane[:8] == -1).all()
-    news = stairs.news()
-    assert news["episodes_10.0cm"] >= 30 and 0.5 < news["climbed_10.0cm"] < 1.0
-    assert stairs.news()["episodes_10.0cm"] == 0
+    assert (stairs.lane[:2] == -1).all()
+    climbed, walks = stairs.take_walks()[1]
+    assert walks >= 30 and 0.5 * walks < climbed < walks
+    assert not stairs.take_walks().any()

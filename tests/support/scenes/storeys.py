@@ -54,7 +54,7 @@ def write_two_storeys(root: Path, cell_m: float = 0.05) -> SceneBundle:
     middle_m = FOOT_X + going_m * (np.arange(RISERS - 1) + 0.5)
     top_m = TOP_M * np.arange(1, RISERS) / RISERS
     treads = Treads(
-        np.column_stack([middle_m, np.full_like(middle_m, 2.0), top_m - 0.1]),
+        np.column_stack([middle_m, np.full_like(middle_m, 2.0), (top_m - 0.1).astype(np.float64)]),
         np.tile([0.5 * going_m, half_m, 0.1], (RISERS - 1, 1)),
         np.zeros(RISERS - 1),
     )

@@ -8,7 +8,7 @@ from .....formats.core.frames import wrap_angle
 from ...trials.terrain import LANE_M, Terrain
 from ...trials.trial import STEP_S
 
-SHARE_LEVEL = 0.2  # of the robots walk on level ground beside the stairs
+SHARE_LEVEL = 0.05  # of the robots walk on level ground beside the stairs
 LEVEL_M = 8.0  # half its side
 SPEED_M_S, SHARE_STOPS, SPEED_S = (0.25, 0.6), 0.12, 5.0  # on stairs, redrawn so often
 HEADING_GAIN, SIDE_GAIN, SIDE_M_S = 2.5, 2.0, 0.25  # as of `PathController`
@@ -47,9 +47,9 @@ class Course:
     def finish(self, robots: NDArray[np.intp], pose: Array, fell: Mask) -> None:
         """Take note of episodes that end at poses (N, 3), some of them by a fall, (N,)."""
 
-    def news(self) -> dict[str, float]:
-        """Return what happened since the last call, for the learning curve."""
-        return {}
+    def take_walks(self) -> NDArray[np.int64]:
+        """Return how many episodes of each lane climbed, and ended, (L, 2), since the last call."""
+        return np.zeros((0, 2), dtype=np.int64)
 
 
 class Stairs(Course):
@@ -134,15 +134,10 @@ class Stairs(Course):
             most = len(self.terrain.lanes)
             self.lane[i] = lane if lane < most else self.rng.integers(most)
 
-    def news(self) -> dict[str, float]:
-        """Return how many episodes ended in each lane, and the share that climbed."""
-        row = {}
-        for lane, (climbed, count) in zip(self.terrain.lanes, self._walks.tolist(), strict=True):
-            name = f"{100 * lane.riser_m:.1f}cm"
-            row[f"climbed_{name}"] = round(climbed / max(count, 1), 3)
-            row[f"episodes_{name}"] = count
-        self._walks[:] = 0
-        return row
+    def take_walks(self) -> NDArray[np.int64]:
+        """Return how many episodes of each lane climbed, and ended, (L, 2), since the last call."""
+        walks, self._walks = self._walks, np.zeros_like(self._walks)
+        return walks
 
 
 class SeenGround:
