@@ -5,7 +5,7 @@ from operator import is_
 
 import numpy as np
 
-from ..collectors.controllers import Expert, Pose
+from ..collectors.controllers import Chooser, Pose, expert_for
 from ..collectors.controllers.interface import Task
 from ..collectors.replay.replay import ReplayConfig, replay_in
 from ..collectors.replay.world import World
@@ -53,7 +53,7 @@ class _Advised:
     """Asks the expert at every pose, and then the mixture."""
 
     chooser: PolicyChooser
-    expert: Expert
+    expert: Chooser
     mixture: _Mixture
 
     def next_action(self, pose: Pose, rest: Pose | None = None) -> Action:
@@ -92,7 +92,7 @@ def labelled_walk(
     mixture.reset(assignment)
 
     def choose(task: Task) -> _Advised:
-        return _Advised(PolicyChooser(world, assignment, mixture, eye), Expert(task), mixture)
+        return _Advised(PolicyChooser(world, assignment, mixture, eye), expert_for(task), mixture)
 
     rollout = replay_in(world, episode, config, choose)
     agreed = sum(map(is_, mixture.executed, mixture.advice))

@@ -2,6 +2,7 @@
 
 from .expert import Expert, ExpertConfig
 from .flash import FlashConfig
+from .flight import PACE_M_S, FlightConfig
 from .interface import (
     STOPPED,
     Chooser,
@@ -13,6 +14,7 @@ from .interface import (
     Task,
     Teleporter,
 )
+from .legs import expert_for
 from .path import PathConfig
 from .registry import (
     CONTROLLERS,
@@ -26,6 +28,7 @@ from .steered import Motion, SteeredController, Steerer, Velocity, Waypoints
 
 __all__ = [
     "CONTROLLERS",
+    "PACE_M_S",
     "STOPPED",
     "Chooser",
     "Coasting",
@@ -35,6 +38,7 @@ __all__ = [
     "Expert",
     "ExpertConfig",
     "FlashConfig",
+    "FlightConfig",
     "Jump",
     "Motion",
     "PathConfig",
@@ -47,6 +51,7 @@ __all__ = [
     "Velocity",
     "Waypoints",
     "controller_for",
+    "expert_for",
     "get_controller",
     "valid_controllers",
 ]

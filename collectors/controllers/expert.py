@@ -37,6 +37,9 @@ class Expert:
 
     One object serves one episode: it keeps the progress along the route and the sense of the last
     turn.
+
+    Attributes:
+        stairs_m: length of the part of the route that leads over stairs [m].
     """
 
     def __init__(self, task: Task, config: ExpertConfig = ExpertConfig()) -> None:
@@ -47,10 +50,22 @@ class Expert:
         self._last = Action.FORWARD
         self._notes = [("unplannable", problem) for problem in self.route.problems]
 
+    stairs_m = 0.0
+
     def notes(self) -> list[tuple[str, str]]:
         """Return events (kind, detail) since the last call: re-plans and unplannable segments."""
         notes, self._notes = self._notes, []
         return notes
+
+    @property
+    def length_m(self) -> float:
+        """Length of the route on level ground [m]."""
+        return self.route.length_m
+
+    @property
+    def turning_rad(self) -> float:
+        """Sum of all changes of direction of the route [rad]."""
+        return self.route.turning_rad
 
     @property
     def remaining_m(self) -> float:

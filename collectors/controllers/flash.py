@@ -7,9 +7,10 @@ import math
 from dataclasses import dataclass, field
 
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
-from .expert import Expert, ExpertConfig
+from .expert import ExpertConfig
 from .geometry import wrap_angle
 from .interface import Jump, Pose, Task
+from .legs import expert_for
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,7 @@ class FlashController:
 
     def __init__(self, task: Task, config: FlashConfig) -> None:
         self.config = config
-        self._chooser = task.chooser or Expert(task, config.expert)
+        self._chooser = task.chooser or expert_for(task, config.expert)
 
     def jump(self, pose: Pose) -> Jump:
         """See `Teleporter.jump`."""

@@ -79,6 +79,10 @@ class Task:
         goal_tolerance_m: a stop within this distance of the goal is a success [m].
         coasting: of the robot, for controllers that stop it while it is moving.
         chooser: chooses the discrete actions; the expert when None.
+        legs: of a path over storeys: tasks on one level or one staircase each, one after another.
+            None of them has legs.
+        is_stairs: the path leads along the middle of a staircase.
+        passes_on: another leg follows: the robot does not slow down for the goal.
     """
 
     reference_xy_m: Array
@@ -89,6 +93,9 @@ class Task:
     goal_tolerance_m: float
     coasting: Coasting = Coasting()
     chooser: Chooser | None = None
+    legs: "tuple[Task, ...]" = ()
+    is_stairs: bool = False
+    passes_on: bool = False
 
 
 @dataclass(frozen=True)

@@ -161,7 +161,7 @@ class PathController:
             return 0.0, 0.0, yaw_rate
         speed = min(
             self._speed_limit[self._cursor.index],
-            config.linear_gain * to_goal_m,
+            math.inf if self._task.passes_on else config.linear_gain * to_goal_m,
             config.cruise_m_s * max(0.0, math.cos(error)) ** 2,
         )
         px, py = self._cursor.point(self._cursor.index)

@@ -8,7 +8,8 @@ from ...formats.core.errors import InputError, check_name
 from ..robots import RobotSpec
 from .flash import FlashConfig, FlashController
 from .interface import Controller, Task, Teleporter
-from .path import PathConfig, PathController
+from .legs import path_controller
+from .path import PathConfig
 from .speed import SpeedConfig, SpeedController
 
 
@@ -30,7 +31,7 @@ class ControllerEntry:
 
 
 CONTROLLERS: dict[str, ControllerEntry] = {
-    "path": ControllerEntry("move along the planned path", PathConfig, PathController),
+    "path": ControllerEntry("move along the planned path", PathConfig, path_controller),
     "speed": ControllerEntry(
         "discrete actions by velocity",
         SpeedConfig,

@@ -15,9 +15,11 @@ from dataclasses import dataclass, field
 
 from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..robots import TIMESTEP_S
-from .expert import Expert, ExpertConfig
+from .expert import ExpertConfig
+from .flight import PACE_M_S
 from .geometry import clip_command, ramped, wrap_angle
 from .interface import STOPPED, Command, Decision, Pose, Task
+from .legs import expert_for
 from .servo import ServoConfig, Track, braking, steer
 
 RECENT = 5  # samples of 10 ms over which the velocity is taken
@@ -58,9 +60,8 @@ class SpeedController:
 
     def __init__(self, task: Task, config: SpeedConfig) -> None:
         self._task, self._config = task, config
-        expert = Expert(task, config.expert)
+        expert = expert_for(task, config.expert)
         self._chooser = task.chooser or expert
-        route = expert.route
         forward_m, turn_rad, action_s = FORWARD_STEP_M, TURN_STEP_RAD, CLOSED_LOOP_S
         if not config.end_on_displacement:
             action_s = config.steps_per_action * TIMESTEP_S
@@ -69,8 +70,9 @@ class SpeedController:
             fastest = max(map(abs, task.limits.yaw_rad_s))
             if fastest > 0:  # what cannot turn ends as stuck, not here
                 turn_rad = min(turn_rad, action_s * min(config.yaw_rad_s, fastest))
-        turns_rad = route.turning_rad + math.pi / 2
-        actions = route.length_m / forward_m + turns_rad / turn_rad
+        turns_rad = expert.turning_rad + math.pi / 2
+        actions = expert.length_m / forward_m + turns_rad / turn_rad
+        actions += expert.stairs_m / min(forward_m, action_s * PACE_M_S)
         self._nominal = actions * action_s
         self._track: Track | None = None
         self._start_s = 0.0

@@ -39,24 +39,27 @@ LENGTH_M = float(np.linalg.norm(np.diff(LINE, axis=0), axis=1).sum())
 SPIRAL = Staircase((0, 1), LINE + np.array([0.0, 9.0, 0.0]), 0.5, 0.2, 0.1, "is a spiral")
 
 
-def write_two_storeys(root: Path, cell_m: float = 0.05) -> SceneBundle:
+def write_two_storeys(
+    root: Path, cell_m: float = 0.05, rise_m: float = TOP_M, risers: int = RISERS
+) -> SceneBundle:
     """Write the bundle into `root` and open it; its first staircase is one that nobody climbs."""
+    line = LINE * (1.0, 1.0, rise_m / TOP_M)
     low = _level((0.0, 0.0), (FOOT_X, 4.0), 5.0, 0.0, cell_m)
-    high = _level((HEAD_X, 0.0), (HEAD_X + 10.0, 4.0), HEAD_X + 5.0, TOP_M, cell_m)
+    high = _level((HEAD_X, 0.0), (HEAD_X + 10.0, 4.0), HEAD_X + 5.0, rise_m, cell_m)
     half_m = 0.5 * WIDTH_M
     lower = np.array([FOOT_X - APRON_M, 2.0 - half_m])
     upper = np.array([HEAD_X + APRON_M, 2.0 + half_m])
     grid, xy = _cells(lower, upper, cell_m)
-    going_m = (HEAD_X - FOOT_X) / (RISERS - 1)
-    step = np.clip(np.floor((xy[..., 0] - FOOT_X) / going_m) + 1, 0, RISERS)
+    going_m = (HEAD_X - FOOT_X) / (risers - 1)
+    step = np.clip(np.floor((xy[..., 0] - FOOT_X) / going_m) + 1, 0, risers)
     inside = np.all((xy > lower) & (xy < upper), axis=-1)
-    stairs = _sheet(grid, step / RISERS * TOP_M, inside, inside)
-    middle_m = FOOT_X + going_m * (np.arange(RISERS - 1) + 0.5)
-    top_m = TOP_M * np.arange(1, RISERS) / RISERS
+    stairs = _sheet(grid, step / risers * rise_m, inside, inside)
+    middle_m = FOOT_X + going_m * (np.arange(risers - 1) + 0.5)
+    top_m = np.linspace(0.0, rise_m, risers + 1)[1:-1]
     treads = Treads(
-        np.column_stack([middle_m, np.full_like(middle_m, 2.0), (top_m - 0.1).astype(np.float64)]),
-        np.tile([0.5 * going_m, half_m, 0.1], (RISERS - 1, 1)),
-        np.zeros(RISERS - 1),
+        np.column_stack([middle_m, np.full_like(middle_m, 2.0), top_m - 0.1]).astype(np.float64),
+        np.tile([0.5 * going_m, half_m, 0.1], (risers - 1, 1)),
+        np.zeros(risers - 1),
     )
     rooms = [("kitchen", 0.0, 0), ("hall", 5.0, 0), ("landing", HEAD_X, 1)]
     rooms.append(("bedroom", HEAD_X + 5.0, 1))
@@ -64,14 +67,14 @@ def write_two_storeys(root: Path, cell_m: float = 0.05) -> SceneBundle:
     bundle = replace(
         bundle,
         scene_id="two_storeys",
-        level_floor_z_m=(0.0, TOP_M),
-        staircases=(SPIRAL, Staircase((0, 1), LINE, WIDTH_M, TOP_M / RISERS, going_m)),
+        level_floor_z_m=(0.0, rise_m),
+        staircases=(SPIRAL, Staircase((0, 1), line, WIDTH_M, rise_m / risers, going_m)),
         objects=tuple(
             LabeledObject(
                 f"Room_{kind}",
                 f"room:{kind}",
-                (x, 0.0, level * TOP_M),
-                (x + 5.4, 4.0, level * TOP_M + 2.5),
+                (x, 0.0, level * rise_m),
+                (x + 5.4, 4.0, level * rise_m + 2.5),
                 level,
             )
             for kind, x, level in rooms
