@@ -12,7 +12,8 @@ from ..formats.core.arrays import Mask
 from ..formats.core.errors import InputError, SceneError
 from ..formats.scene.bundle import SceneBundle, VisualMesh
 from ..formats.scene.grid import GridSpec
-from .collide.level_collision import build_collision
+from .collide.level_collision import build_collision, level_floor
+from .collide.stair_collision import build_stairs
 from .config import RepairConfig
 from .floor.lay import with_floor
 from .floor.repair_level import RepairedFloor, repair_floor
@@ -26,13 +27,13 @@ from .scan.dispatch import read_scan
 from .scan.files import licence_beside
 from .scan.left_out import advice, without_parts
 from .scan.record import Scan, ScanObject
-from .storeys.flights import Flight, find_flights
 from .storeys.levels import (
     ScannedFloor,
     averted_faces,
     ceilings_in_floors,
     find_levels,
 )
+from .storeys.staircases import ScannedStaircase, find_staircases
 from .storeys.surfaces import find_surfaces
 from .verify.scene import probe_level
 from .write.scene import Repaired, write_scene
@@ -109,7 +110,11 @@ def repair_scene(
     floors = _repair_floors(scan, clear, storeys.floors, storeys.ignore, config, report)
     mesh = floors[-1].mesh
     report("building collision and freemaps")
-    levels = [build_collision(mesh, floor, coarse, config) for floor in floors]
+    levels = [build_collision(mesh, level_floor(floor, coarse), config) for floor in floors]
+    staircases = [
+        build_stairs(mesh, scanned, levels, floors[0].fine, config)
+        for scanned in storeys.staircases
+    ]
     visual, labels = _visual(mesh, floors[-1].objects, floors)
     report("probing the floor")
     probed = [probe_level(visual, level) for level in levels]
@@ -125,7 +130,7 @@ def repair_scene(
         probes=[record for _, record in probed],
         visual=visual,
         labels=labels,
-        flights=storeys.flights,
+        staircases=staircases,
         notes=storeys.notes,
     )
     return write_scene(repaired, out_dir, config)
@@ -173,7 +178,7 @@ class _Storeys:
     """
 
     floors: list[ScannedFloor]
-    flights: list[Flight]
+    staircases: list[ScannedStaircase]
     notes: list[str]
     ignore: Mask
     ceilings: Mask
@@ -191,13 +196,13 @@ def _find_floors(mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairCo
         surfaces = find_surfaces(columns, up, no_floor, LEAST_CLEARANCE_M)
         floors, notes = find_levels(surfaces, columns, mesh, config)
         ceilings = ceilings_in_floors(floors, columns, averted)
-    flights = []
+    staircases = []
     if len(floors) > 1:
         # What is labelled as stairs is no floor, and treads may be wound otherwise than floors.
         if no_floor.any():
             surfaces = find_surfaces(columns, up, np.zeros_like(no_floor), LEAST_CLEARANCE_M)
-        flights = find_flights(surfaces, floors)
-    return _Storeys(floors, flights, notes, no_floor, ceilings)
+        staircases = find_staircases(surfaces, floors)
+    return _Storeys(floors, staircases, notes, no_floor, ceilings)
 
 
 def _repair_floors(

@@ -239,8 +239,8 @@ def save_bundle(
     save_npz(bundle.root / "visual.npz", **vars(visual))
     for k, level in enumerate(levels):
         _save_sheet(bundle.level_folder(k), *level)
-    for k, (*sheet, treads) in (stairs or {}).items():
-        _save_sheet(bundle.stair_folder(k), *sheet)
+    for k, (floor, obstacles, freemap, treads) in (stairs or {}).items():
+        _save_sheet(bundle.stair_folder(k), floor, obstacles, freemap)
         save_npz(bundle.stair_folder(k) / "treads.npz", **vars(treads))
     save_index(bundle)
 

@@ -13,12 +13,12 @@ NEVER, MAY, MUST = np.uint8(0), np.uint8(1), np.uint8(2)
 _ORDERS = np.array([(2, 0, 1), (2, 1, 0), (0, 1, 2), (1, 0, 2), (0, 2, 1), (1, 2, 0)])
 
 
-def cover_with_boxes(voxels: Voxels, state: U8, slack: float = 0.5) -> Obstacles:
+def cover_with_boxes(voxels: Voxels, state: U8, slack: float) -> Obstacles:
     """Cover all `MUST` voxels and no `NEVER` voxel with boxes shrunk to what they cover.
 
     Greedy: from each voxel still open a box grows both ways along each axis in turn. It only grows
     while the extents of the surface along each of its upright sides agree to `slack` voxels, so no
-    side stands out by more than that before a surface: half a voxel by default. Boxes may overlap.
+    side stands out by more than that before a surface. Boxes may overlap.
     Each belongs to what owns most of the voxels that it covers.
 
     Args:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...formats.core.arrays import Array
 from ...formats.core.errors import SceneError
 from ...formats.scene.bundle import Floor, Obstacles
 from ...formats.scene.freemap import Freemap
@@ -19,6 +20,8 @@ from .voxels import voxelise
 
 # Kept around the floor: walls, and what leans over them.
 MARGIN_M = 0.6
+# No side of a box stands out by more than this share of a level's cell before a surface.
+SLACK = 0.5
 
 
 @dataclass(frozen=True)
@@ -30,13 +33,23 @@ class LevelCollision:
     freemap: Freemap
 
 
+def level_floor(level: RepairedFloor, grid: GridSpec) -> Floor:
+    """Return a level's repaired floor on the cells of `grid`, cropped to its surroundings."""
+    return cropped(coarse_floor(level.fine, level.height_m, grid))
+
+
 def build_collision(
-    mesh: WorldMesh, level: RepairedFloor, grid: GridSpec, config: RepairConfig
+    mesh: WorldMesh, floor: Floor, config: RepairConfig, ground_m: Array | None = None
 ) -> LevelCollision:
-    """Build the collision of a level of the repaired `mesh`; `grid` aligns with its fine cells."""
-    floor = _cropped(coarse_floor(level.fine, level.height_m, grid))
+    """Build obstacles and freemap over a floor from the repaired `mesh`.
+
+    Args:
+        ground_m: (rows, columns) heights that obstacles rise above; None = the floor's. Where it is
+            given, all free floor is a place for robots, however little there is.
+    """
     grid = floor.grid
     height = floor.height_m.astype(np.float64)
+    ground = height if ground_m is None else ground_m
     low, high = float(height.min()), float(height.max())
     z0 = float(np.floor(low / grid.cell_m) * grid.cell_m)
     layers = int(np.ceil((high - z0 + config.robot_height_m) / grid.cell_m))
@@ -47,17 +60,20 @@ def build_collision(
         grid,
         z0_m=z0,
         layers=layers,
-        cut_below_m=height + config.floor_clearance_m,
+        cut_below_m=ground + config.floor_clearance_m,
         cut_above_m=height + config.robot_height_m,
     )
     free_height = headroom(voxels, height, config.blocked_above_m)
-    place = places(floor.covered & np.isinf(free_height), grid.cell_m)
-    obstacles = cover_with_boxes(voxels, touchable(voxels, place, height))
+    place = floor.covered & np.isinf(free_height)
+    if ground_m is None:
+        place = places(place, grid.cell_m)
+    slack = SLACK * config.cell_m / grid.cell_m
+    obstacles = cover_with_boxes(voxels, touchable(voxels, place, height), slack)
     floor_z = np.where(floor.covered, floor.height_m, np.float32(np.nan)).astype(np.float32)
     return LevelCollision(floor, obstacles, Freemap(grid, floor_z, place, free_height))
 
 
-def _cropped(floor: Floor) -> Floor:
+def cropped(floor: Floor) -> Floor:
     """Crop the floor's grid to the floor and its surroundings."""
     margin = round(MARGIN_M / floor.grid.cell_m)
     rows, columns = np.nonzero(floor.covered)

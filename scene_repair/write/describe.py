@@ -4,7 +4,10 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from ...formats.core.arrays import Array
+from ...formats.scene.staircase import Staircase
 from ..collide.level_collision import LevelCollision
 from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
@@ -74,6 +77,30 @@ def describe_flight(flight: Flight) -> dict[str, Any]:
         "headroom_m": round(headroom, 2) if math.isfinite(headroom) else None,
         "problem": flight.problem,
     }
+
+
+def describe_staircase(staircase: Staircase, flights: Sequence[Flight]) -> dict[str, Any]:
+    """Return JSON values for a staircase."""
+    return {
+        "levels": list(staircase.levels),
+        "line_world_m": np.round(staircase.line_world_m, 3).tolist(),
+        "flights": len(flights),
+        "risers": sum(len(f.risers_m) for f in flights),
+        "riser_m": round(staircase.riser_m, 4),
+        "going_m": round(staircase.going_m, 3),
+        "width_m": round(staircase.width_m, 2),
+        "problem": staircase.problem,
+    }
+
+
+def stair_doubts(staircases: Sequence[Staircase]) -> list[str]:
+    """Return one line for each staircase that nobody can climb."""
+    return [
+        f"staircase {k} from level {stairs.levels[0]} to {stairs.levels[1]} {stairs.problem}: "
+        "no path leads over it"
+        for k, stairs in enumerate(staircases)
+        if stairs.problem
+    ]
 
 
 def _rounded(polygon_xy_m: Array) -> list[list[float]]:

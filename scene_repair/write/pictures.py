@@ -1,7 +1,7 @@
 """Draw before and after images: a level from above, ceiling removed, holes marked."""
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import cv2
@@ -10,11 +10,11 @@ import numpy as np
 from ...formats.core.arrays import F32, U8, Array, Mask
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.sections import inside_solids
+from ...formats.scene.staircase import Staircase
 from ...geometry.rays.packets import PacketScene
 from ..floor.holes import Hole
 from ..grid.world_mesh import WorldMesh
 from ..paint.materials import MaterialSampler
-from ..storeys.flights import Flight
 
 # The cut above the floor: under ceilings and lamps, above furniture and people.
 CUT_M = 2.2
@@ -141,19 +141,22 @@ def mark_holes(
     return result
 
 
-def mark_flights(image: F32, flights: Sequence[Flight], pixels: GridSpec) -> F32:
-    """Draw an arrow up each flight of stairs, grey where a person could not walk up."""
-    result = image.copy()
-    for flight in flights:
-        foot, head = (
-            (int(column), int(row))
-            for row, column in map(
-                pixels.cell_of, (flight.foot_world_m[:2], flight.head_world_m[:2])
-            )
+def mark_staircases(image: F32, staircases: Mapping[int, Staircase], pixels: GridSpec) -> F32:
+    """Draw an arrow and the number of each staircase, grey where nobody could climb it."""
+    # Upright, for the sake of the numbers.
+    result = np.ascontiguousarray(image[::-1])
+    thick = max(2, _metre_px(pixels) // 25)
+    for k, staircase in staircases.items():
+        row, column = pixels.cell_of(staircase.line_world_m[1:-1, :2]).T
+        points = np.column_stack([column, pixels.rows - 1 - row])
+        color = GREY if staircase.problem else BLUE
+        cv2.polylines(result, [points[:-1].astype(np.int32)], False, color, thick, cv2.LINE_AA)
+        (start, end), beside = points[-2:].tolist(), points[0] + (3 * thick, 0)
+        cv2.arrowedLine(result, start, end, color, thick, cv2.LINE_AA, tipLength=0.15)
+        cv2.putText(
+            result, f"{k}", beside.tolist(), FONT, thick / 3, color, thick // 2, cv2.LINE_AA
         )
-        color = GREY if flight.problem else BLUE
-        cv2.arrowedLine(result, foot, head, color, max(2, _metre_px(pixels) // 25), cv2.LINE_AA)
-    return result
+    return result[::-1]
 
 
 def write_picture(

@@ -26,6 +26,7 @@ from ...formats.scene.bundle import (
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
 from ..collide.level_collision import LevelCollision
+from ..collide.stair_collision import RepairedStaircase
 from ..config import RepairConfig
 from ..floor.repair_level import RepairedFloor
 from ..grid.world_mesh import WorldMesh
@@ -34,18 +35,24 @@ from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
 from ..paint.materials import MaterialSampler
 from ..scan.record import Scan
-from ..storeys.flights import Flight
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
-from .describe import describe_flight, describe_level, doubts, repair_titles
+from .describe import (
+    describe_flight,
+    describe_level,
+    describe_staircase,
+    doubts,
+    repair_titles,
+    stair_doubts,
+)
 from .pictures import (
     BLUE,
     GREEN,
     GREY,
     RED,
     is_shown,
-    mark_flights,
     mark_holes,
+    mark_staircases,
     text_scale,
     view_from_above,
     write_picture,
@@ -72,7 +79,7 @@ class Repaired:
         probes: what probing them gave.
         visual: the last floor's mesh, with all repairs, as it is written.
         labels: categories that its faces point to.
-        flights: of the stairs between them.
+        staircases: between them.
         notes: doubts about the levels.
     """
 
@@ -86,7 +93,7 @@ class Repaired:
     probes: list[dict[str, Any]]
     visual: VisualMesh
     labels: tuple[str, ...]
-    flights: list[Flight]
+    staircases: list[RepairedStaircase]
     notes: list[str]
 
 
@@ -110,7 +117,9 @@ def _write_bundle(
     evidence = orientation.evidence
     materials = write_materials(repaired.floors[-1].materials, out_dir, max_texture_px)
     heights = tuple(floor.floor_z_m for floor in repaired.floors)
-    named, visual, levels = _by_object(repaired, heights)
+    named, visual, index = _named(repaired, heights)
+    levels = [_sheet(level, index) for level in repaired.levels]
+    staircases = tuple(s.staircase for s in repaired.staircases)
     facts = {
         "path": source.name,
         "sha256": file_digest(source),
@@ -136,12 +145,17 @@ def _write_bundle(
         "triangles_before": len(repaired.original.faces),
         "triangles_after": len(repaired.floors[-1].mesh.faces),
         "warnings": list(repaired.scan.warnings),
-        "doubts": [*doubts(evidence, repaired.levels, repaired.floors), *repaired.notes],
+        "doubts": [
+            *doubts(evidence, repaired.levels, repaired.floors),
+            *repaired.notes,
+            *stair_doubts(staircases),
+        ],
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
         ],
-        "flights": [describe_flight(flight) for flight in repaired.flights],
+        "staircases": [describe_staircase(s.staircase, s.flights) for s in repaired.staircases],
+        "flights": [describe_flight(f) for s in repaired.staircases for f in s.flights],
     }
     # Quickly, without the indents of the last one: for the verification alone.
     (out_dir / RECORD_NAME).write_text(json.dumps(record))
@@ -156,8 +170,14 @@ def _write_bundle(
         objects=named,
         level_floor_z_m=heights,
         generator=repaired.scan.generator,
+        staircases=staircases,
     )
-    save_bundle(bundle, visual, levels)
+    stairs = {
+        k: (*_sheet(s.sheet, index), s.treads)
+        for k, s in enumerate(repaired.staircases)
+        if s.sheet and s.treads
+    }
+    save_bundle(bundle, visual, levels, stairs)
     bundle = load_bundle(out_dir)
     # Only what lies on the disk can be verified; the record then says what came out.
     proof = verify_scene(bundle, usd_checked=True)
@@ -169,10 +189,13 @@ def _write_bundle(
     return bundle
 
 
-def _by_object(
+def _named(
     repaired: Repaired, heights_m: tuple[float, ...]
-) -> tuple[tuple[LabeledObject, ...], VisualMesh, list[tuple[Floor, Obstacles, Freemap]]]:
-    """Return the named objects, and the mesh and levels whose faces and boxes point to them."""
+) -> tuple[tuple[LabeledObject, ...], VisualMesh, I32]:
+    """Return the named objects, the mesh whose faces point to them, and their index.
+
+    The index (objects of the scan,) is −1 for those without a name.
+    """
     named, index = labelled_objects(
         repaired.scan,
         repaired.boxes,
@@ -180,25 +203,25 @@ def _by_object(
         source_to_world=repaired.orientation.source_to_world,
         level_floor_z_m=heights_m,
     )
+    own = _object_of(repaired.floors[-1].mesh.face_object, index)
+    return named, replace(repaired.visual, face_object=own), index
 
-    # Patches come after the scan's own objects and belong to none of them.
-    def object_of(own: I32) -> I32:
-        return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
 
-    visual = replace(repaired.visual, face_object=object_of(repaired.floors[-1].mesh.face_object))
-    levels = [
-        (
-            level.floor,
-            replace(level.obstacles, box_object=object_of(level.obstacles.box_object)),
-            level.freemap,
-        )
-        for level in repaired.levels
-    ]
-    return named, visual, levels
+def _object_of(own: I32, index: I32) -> I32:
+    """Return named objects; patches come after the scan's own objects and belong to none."""
+    return np.append(index, np.int32(-1))[np.where(own < len(index), own, -1)]
+
+
+def _sheet(collision: LevelCollision, index: I32) -> tuple[Floor, Obstacles, Freemap]:
+    """Return the sheet of a level or staircase, its boxes pointing to named objects."""
+    obstacles = collision.obstacles
+    named = replace(obstacles, box_object=_object_of(obstacles.box_object, index))
+    return collision.floor, named, collision.freemap
 
 
 def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_px: int) -> None:
     sampler, floors = MaterialSampler(repaired.floors[-1].materials), repaired.floors
+    staircases = [s.staircase for s in repaired.staircases]
     fine = floors[0].fine
     cells = np.concatenate([np.argwhere(np.isfinite(f.height_m)) for f in floors])
     low = fine.center_of(cells.min(axis=0)) - PICTURE_MARGIN_M
@@ -224,7 +247,7 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     patched_m2 = sum(f.patch_area_m2 for f in floors)
     missing, added = repair_titles(filled, cracks, patched_m2)
     gaps = [("left open", GREY)] if left_open else []
-    gaps += [("stairs, up", BLUE)] if repaired.flights else []
+    gaps += [("stairs, up", BLUE)] if repaired.staircases else []
     heads = {
         "before": (f"{scene_id}: as scanned, {missing}", [("hole in the floor", RED), *gaps]),
         "after": (f"{scene_id}: repaired, {added}", [("floor added", GREEN), *gaps]),
@@ -232,9 +255,9 @@ def _write_pictures(repaired: Repaired, out_dir: Path, *, scene_id: str, width_p
     text = min(text_scale(pixels, *head) for head in heads.values())  # they stand side by side
     for k, (name, head) in enumerate(heads.items()):
         marked = {
-            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_flights(
+            f"level {n}, floor at {f.floor_z_m:.2f} m": mark_staircases(
                 mark_holes(view[k], f.holes, fine=fine, pixels=pixels, before=k == 0),
-                [flight for flight in repaired.flights if n in flight.levels],
+                {m: s for m, s in enumerate(staircases) if n in s.levels},
                 pixels,
             )
             for n, (view, f) in enumerate(zip(views, floors, strict=True))

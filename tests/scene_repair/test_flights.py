@@ -12,8 +12,9 @@ from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.grid.columns import sample_columns
-from vlnpe.scene_repair.storeys.flights import Flight, find_flights
+from vlnpe.scene_repair.storeys.flights import Flight
 from vlnpe.scene_repair.storeys.levels import ScannedFloor
+from vlnpe.scene_repair.storeys.staircases import find_staircases
 from vlnpe.scene_repair.storeys.surfaces import find_surfaces
 
 GRID = GridSpec((-4.0, -4.0), 0.025, 320, 320)
@@ -53,7 +54,7 @@ def flights_of(parts: list[trimesh.Trimesh], turn_deg: float, noise_m: float = 0
         near = np.abs(surfaces.z_m - height) < 0.03
         z[surfaces.cell[near]] = surfaces.z_m[near]
         floors.append(ScannedFloor(GRID, z.reshape(GRID.shape), height))
-    return find_flights(surfaces, floors)
+    return [f for staircase in find_staircases(surfaces, floors) for f in staircase.flights]
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 31.0, 90.0, 200.0])

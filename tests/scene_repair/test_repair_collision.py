@@ -155,7 +155,7 @@ def test_boxes_cover_what_they_must_and_nothing_else(seed: int, must: float, may
     )
     grid = GridSpec((0.0, 0.0), 1.0, shape[0], shape[1])
     owner = np.where(pick < must / 2, 3, -1).astype(np.int32)
-    boxes = cover_with_boxes(Voxels(grid, 0.0, lower, upper, owner), state)
+    boxes = cover_with_boxes(Voxels(grid, 0.0, lower, upper, owner), state, 0.5)
     i, j, k = np.indices(shape).reshape(3, -1)
     centers: Any = np.stack([j + 0.5, i + 0.5, k + 0.5], axis=1)
     covered = inside_boxes(boxes, centers).reshape(shape)

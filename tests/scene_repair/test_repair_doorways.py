@@ -17,7 +17,7 @@ from tests.support.scenes.bodies import inside_boxes, level_geoms, touched_on_th
 from vlnpe.apartments import ApartmentConfig, build_scene
 from vlnpe.formats.scene.bundle import SceneBundle, save_bundle
 from vlnpe.formats.scene.grid import GridSpec
-from vlnpe.scene_repair.collide.level_collision import LevelCollision, build_collision
+from vlnpe.scene_repair.collide.level_collision import LevelCollision, build_collision, level_floor
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.floor.repair_level import RepairedFloor
 from vlnpe.scene_repair.grid.world_mesh import WorldMesh
@@ -61,7 +61,7 @@ def collision_of(
     height = np.where(inside, 0.0, np.nan)
     none = np.empty(0, np.int64)
     floor = RepairedFloor(world, (), (), fine, height, 0.0, inside, none, [], [], 0.0, [])
-    return build_collision(world, floor, coarse, CONFIG)
+    return build_collision(world, level_floor(floor, coarse), CONFIG)
 
 
 def bundle_of(collision: LevelCollision, folder: Path) -> SceneBundle:

@@ -80,7 +80,7 @@ def decisions(facts: Mapping[str, Any]) -> list[str]:
         f"floor   {facts['floor_before_m2']:.1f} m² scanned, {facts['floor_after_m2']:.1f} m² now; "
         f"{facts['holes_filled']} holes filled, left open: {left or 'none'}",
     ]
-    lines += [f"stairs  {text}" for text in facts["flights"]]
+    lines += [f"stairs  {text}" for text in facts["stairs"]]
     lines += [f"warning {text}" for text in facts["warnings"]]
     lines += [f"doubt   {text}" for text in facts["doubts"]]
     return lines + [f"UNSOUND {text}" for text in facts["problems"]]

@@ -51,17 +51,17 @@ def facts_of(log: Mapping[str, Any]) -> dict[str, Any]:
         "floor_before_m2": sum(level["floor_area_before_m2"] for level in levels),
         "floor_after_m2": sum(level["floor_area_after_m2"] for level in levels),
         "triangles": log["triangles_after"],
-        "flights": [_flight(flight) for flight in log["flights"]],
+        "stairs": [_staircase(staircase) for staircase in log["staircases"]],
         "warnings": log["warnings"],
     }
 
 
-def _flight(flight: Mapping[str, Any]) -> str:
-    """Return a flight of stairs in words."""
-    lower, upper = flight["levels"]
-    risers = flight["risers_m"]
+def _staircase(staircase: Mapping[str, Any]) -> str:
+    """Return a staircase in words."""
+    lower, upper = staircase["levels"]
     text = (
-        f"level {lower} to {upper}: {len(risers)} risers of {100 * sum(risers) / len(risers):.1f} "
-        f"cm, treads of {100 * flight['going_m']:.0f} cm, {flight['width_m']:.2f} m wide"
+        f"level {lower} to {upper}: {staircase['flights']} flights, {staircase['risers']} risers "
+        f"up to {100 * staircase['riser_m']:.1f} cm, treads {100 * staircase['going_m']:.0f} cm, "
+        f"{staircase['width_m']:.2f} m wide"
     )
-    return f"{text}; {flight['problem']}" if flight["problem"] else text
+    return f"{text}; {staircase['problem']}" if staircase["problem"] else text

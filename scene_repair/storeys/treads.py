@@ -1,0 +1,160 @@
+"""Find ways up from a floor to the next over level surfaces: the treads of staircases."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import KDTree
+
+from ...formats.core.arrays import I64, Array, Mask
+from ..grid.morphology import grow, label
+from .floor_parts import PASSAGE_M
+from .levels import ScannedFloor
+from .surfaces import Surfaces
+
+# A step is no higher than this, and may leave this much of the plan open between its treads.
+STEP_UP_M, GAP_M = 0.31, 0.08
+# A way goes up step by step and takes no two at once, from beside them: the square of a step's
+# height counts as so much length.
+HIGH_STEP_PER_M = 20.0
+# Nor does it go where nobody could stand, unless there is no other: so many times as long.
+STOOPING = 10.0
+# What has less than this over it is no tread; boards of a bookcase are further apart than a step.
+COVERED_M = 0.15
+# Heights that differ by less belong to one tread.
+TREAD_STEP_M = 0.05
+# Floor this near to a staircase's end gives its height there.
+AT_END_M = 0.2
+# Handrails and what holds them are no wider, seen from above.
+RAIL_M = 0.15
+# Staircases that join the same two levels; a building has fewer.
+MOST_BETWEEN_LEVELS = 12
+
+
+@dataclass(frozen=True)
+class ScannedTread:
+    """A tread or landing as it was scanned; the ends of a way are points of floors.
+
+    Attributes:
+        open_m: (n, 3) samples with free height above [m].
+        points_m: (m, 3) all samples, also those under handrails [m].
+        z_m: its height.
+        clear_m: the free height above it.
+    """
+
+    open_m: Array
+    points_m: Array
+    z_m: float
+    clear_m: float
+
+
+def ways_up(
+    surfaces: Surfaces, lower: ScannedFloor, upper: ScannedFloor
+) -> Iterator[list[ScannedTread]]:
+    """Yield the treads of each staircase, between a piece of the lower and of the upper floor.
+
+    Staircases lie along shortest ways over level surfaces, in steps of at most `STEP_UP_M`; the
+    treads under such a way are then taken out, and the next way is looked for.
+    """
+    grid = lower.grid
+    on = [
+        np.abs(surfaces.z_m - floor.z_m.ravel()[surfaces.cell]) < TREAD_STEP_M
+        for floor in (lower, upper)
+    ]
+    index = _candidates(surfaces, on[0] | on[1], lower, upper)
+    row, column = np.divmod(surfaces.cell[index], grid.columns)
+    points = np.column_stack([grid.center_of(np.column_stack([row, column])), surfaces.z_m[index]])
+    part, clear = surfaces.part[index], surfaces.clear_m[index]
+    at_foot, at_head = on[0][index], on[1][index]
+    # A ball of radius 1 in these units reaches over a gap in plan and one step in height.
+    pairs = KDTree(points / (GAP_M, GAP_M, STEP_UP_M)).query_pairs(
+        1.0, p=np.inf, output_type="ndarray"
+    )
+    # Ways across the floors themselves are not asked for.
+    level = at_foot | at_head
+    pairs = pairs[~(level[pairs[:, 0]] & level[pairs[:, 1]])]
+    gap = np.abs(points[pairs[:, 0]] - points[pairs[:, 1]])
+    length = np.hypot(gap[:, 0], gap[:, 1]) + HIGH_STEP_PER_M * gap[:, 2] ** 2
+    length *= np.where(clear[pairs].min(axis=1) < PASSAGE_M, STOOPING, 1.0)
+    size = len(points)
+
+    def end(k: int, floor: Mask) -> ScannedTread:
+        near = floor & (np.abs(points[:, :2] - points[k, :2]).max(axis=1) < AT_END_M)
+        return ScannedTread(points[[k]], points[[k]], float(np.median(points[near, 2])), math.inf)
+
+    free = np.ones(size, dtype=bool)
+    for _ in range(MOST_BETWEEN_LEVELS):
+        kept = free[pairs].all(axis=1)
+        graph = csr_array((length[kept], pairs[kept].T), shape=(size, size))
+        far, before, _ = dijkstra(
+            graph,
+            directed=False,
+            indices=np.flatnonzero(at_foot),
+            min_only=True,
+            return_predecessors=True,
+        )
+        far = np.where(at_head, far, np.inf)
+        last = int(np.argmin(far)) if size else 0
+        if not np.isfinite(far[last : last + 1]).any():
+            return
+        way = _way(before, last)
+        treads = [end(way[0], at_foot)]
+        for group in _groups(way[1:-1], points[:, 2]):
+            height = np.median(points[group, 2])
+            own = np.abs(points[:, 2] - height) < TREAD_STEP_M
+            # A ceiling may lie in the plane of a tread.
+            own &= np.isin(part, part[group]) & ~level
+            open_ = own & (clear >= min(PASSAGE_M, clear[group].max()))
+            # Nor does the tread end under a handrail.
+            beside = KDTree(points[open_, :2]).query(points[own, :2], distance_upper_bound=RAIL_M)
+            own[own] = np.isfinite(beside[0])
+            treads.append(
+                ScannedTread(
+                    points[open_], points[own], float(height), float(np.median(clear[open_]))
+                )
+            )
+            free[open_] = False
+        yield [*treads, end(way[-1], at_head)]
+
+
+def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: ScannedFloor) -> I64:
+    """Return the samples of what may be stairs, and of the floors around it.
+
+    Stairs are where surfaces between two floors have heights without a gap larger than a step, from
+    the lower to the upper floor.
+    """
+    grid = lower.grid
+    between = (surfaces.z_m > lower.floor_z_m) & (surfaces.z_m < upper.floor_z_m) & ~level
+    between &= surfaces.clear_m >= COVERED_M
+    plan = np.zeros(grid.shape, dtype=bool)
+    plan.ravel()[surfaces.cell[between]] = True
+    area = label(grow(plan, math.ceil(GAP_M / grid.cell_m)), diagonal=True)[0].ravel()
+    own = np.where(between, area[surfaces.cell], 0)
+    stairs = [
+        k
+        for k in np.unique(own[between])
+        if np.diff([lower.floor_z_m, *np.sort(surfaces.z_m[own == k]), upper.floor_z_m]).max()
+        < STEP_UP_M
+    ]
+    return np.flatnonzero((between | level) & np.isin(area[surfaces.cell], stairs))
+
+
+def _way(before: I64, end: int) -> list[int]:
+    """Return the nodes of a shortest way, its start first."""
+    way = [end]
+    while before[way[-1]] >= 0:
+        way.append(int(before[way[-1]]))
+    return way[::-1]
+
+
+def _groups(way: list[int], z_m: Array) -> list[list[int]]:
+    """Divide the nodes of a way where its height changes by a step."""
+    groups = [[way[0]]]
+    for node in way[1:]:
+        if abs(z_m[node] - z_m[groups[-1][0]]) >= TREAD_STEP_M:
+            groups.append([])
+        groups[-1].append(node)
+    return groups
