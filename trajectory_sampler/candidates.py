@@ -1,4 +1,4 @@
-"""Draw candidate paths on one level, and say why one is dropped."""
+"""Draw candidate paths on one ground, and say why one is dropped."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from ..formats.core.frames import Array, wrap_angle
 from ..formats.core.geometry import path_length
-from ..wayfinding.crossings import Crossing, crossings
-from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
-from ..wayfinding.planning import PlanConfig, plan_path, segments_free, simplify_path
+from ..wayfinding.crossings import Crossing
+from ..wayfinding.distance import AGENT_RADIUS_M
 from .config import ALONG_PATH, FRECHET, SampleConfig
-from .level import Level
+from .ground import Ground, Reach, dimensions
 from .similarity import PathIndex, stations
 
 LENGTH_BIN_M = 2.0
@@ -25,7 +24,9 @@ class Candidate:
     """A path that could become an episode.
 
     Attributes:
-        level: index of its level.
+        ground: number of the ground that it was drawn on.
+        levels, staircases: what it takes, in order.
+        stairs_m: length of the staircase among it [m].
         split: the split that it was drawn for.
         reference_m: (P, 3) waypoints; every straight segment between them is safe [m].
         geodesic_m: length of the shortest way of VLN-CE's agent [m].
@@ -36,7 +37,10 @@ class Candidate:
         open_ends: whether cameras at its ends were required to see far enough.
     """
 
-    level: int
+    ground: int
+    levels: tuple[int, ...]
+    staircases: tuple[int, ...]
+    stairs_m: float
     split: str
     reference_m: Array
     geodesic_m: float
@@ -46,10 +50,15 @@ class Candidate:
     ends: tuple[int, int]
     open_ends: bool
 
+    @property
+    def stations(self) -> Array:
+        """(S, D) the path as it is compared with others: changes of level count."""
+        return stations(self.reference_m, 3 if self.staircases else 2)
+
 
 @dataclass
 class AcceptedPaths:
-    """The paths accepted on one level, as drawing the next one needs them.
+    """The paths accepted on one ground, as drawing the next one needs them.
 
     Attributes:
         index: their stations, by number.
@@ -65,22 +74,22 @@ class AcceptedPaths:
     lengths: Counter[tuple[str, int]] = field(default_factory=Counter)
     crossed: Counter[tuple[str, int]] = field(default_factory=Counter)
 
-    def avoid(self, path_m: Array, split: str = "") -> None:
-        """Remember a path (P, 2 or 3) [m] that new ones of other splits keep away from."""
-        self.index.add(stations(path_m))
+    def avoid(self, path: Array, split: str = "") -> None:
+        """Remember the stations of a path that new ones of other splits keep away from."""
+        self.index.add(path)
         self.splits.append(split)
 
     def add(self, candidate: Candidate) -> None:
         """Remember an accepted path."""
-        self.avoid(candidate.reference_m, candidate.split)
+        self.avoid(candidate.stations, candidate.split)
         self.visits[candidate.ends] += 1
-        length = int(path_length(candidate.reference_m) / LENGTH_BIN_M)
+        length = int((path_length(candidate.reference_m) - candidate.stairs_m) / LENGTH_BIN_M)
         self.lengths[(candidate.split, length)] += 1
         self.crossed[(candidate.split, len(candidate.crossed))] += 1
 
 
 def from_one_start(
-    level: Level,
+    ground: Ground,
     accepted: AcceptedPaths,
     split: str,
     gap_m: float,
@@ -98,44 +107,43 @@ def from_one_start(
         gap_m: least distance from every other path [m].
     """
     left = Counter(from_room for from_room, _ in accepted.visits.elements())
-    room = _least(np.unique(level.rooms), left, rng)
-    start = level.cells_m[rng.choice(np.flatnonzero(level.rooms == room))]
-    near = distance_field(level.freemap, start, level.radius_m)
-    distance_m = near.distance_m[level.cells[:, 0], level.cells[:, 1]]
-    agent = distance_field(level.freemap, start, AGENT_RADIUS_M)
-    least = agent.distance_m[level.cells[:, 0], level.cells[:, 1]]
+    room = _least(np.unique(ground.rooms), left, rng)
+    start = ground.cells_m[rng.choice(np.flatnonzero(ground.rooms == room))]
+    near, agent = ground.reach(start, ground.radius_m), ground.reach(start, AGENT_RADIUS_M)
+    distance_m = near.to_cells_m - ground.stairs_m
+    least = agent.to_cells_m - ground.stairs_m
     fits = (least >= config.min_length_m) & (distance_m <= config.max_length_m)
-    if level.min_crossings:
-        fits &= level.rooms != room
+    if ground.min_crossings:
+        fits &= ground.rooms != room
     if not fits.any():
         yield "no_goal_in_range"
         return
-    fits &= ~_taken(level, accepted, split, start, gap_m, config)
+    fits &= ~_taken(ground, accepted, split, start, gap_m, config)
     tight = near
-    if config.robot_radius_m != level.radius_m and fits.any():
-        tight = distance_field(level.freemap, start, config.robot_radius_m)
+    if config.robot_radius_m != ground.radius_m and fits.any():
+        tight = ground.reach(start, config.robot_radius_m)
     for _ in range(config.goals_per_start):
         if not fits.any():
             yield "too_similar"
             return
         pool = _of_missing_length(distance_m, fits, accepted, split, config)
-        hops = level.hops[room, level.rooms]
+        hops = ground.hops[room, ground.rooms]
         hop_count = _least(
             np.unique(hops[pool]),
             Counter({n: accepted.crossed[(split, n)] for n in range(99)}),
             rng,
         )
         pool &= hops == hop_count
-        goal_rooms = np.unique(level.rooms[pool])
+        goal_rooms = np.unique(ground.rooms[pool])
         used = Counter(
             {r: accepted.visits[room, r] + accepted.visits[r, room] for r in goal_rooms.tolist()}
         )
         goal_room = _least(goal_rooms, used, rng)
-        pool &= level.rooms == goal_room
-        goal = level.cells_m[rng.choice(np.flatnonzero(pool))]
-        yield _judge(level, accepted, split, goal, gap_m, (tight, agent), config)
+        pool &= ground.rooms == goal_room
+        goal = ground.cells_m[rng.choice(np.flatnonzero(pool))]
+        yield _judge(ground, accepted, split, goal, gap_m, (tight, agent), config)
         # Another try goes elsewhere.
-        fits &= np.linalg.norm(level.cells_m - goal, axis=1) > 0.5 * gap_m
+        fits &= np.linalg.norm(ground.cells_m - goal, axis=1) > 0.5 * gap_m
 
 
 def turning_deg(path_m: Array) -> float:
@@ -147,7 +155,7 @@ def turning_deg(path_m: Array) -> float:
 
 
 def _taken(
-    level: Level,
+    ground: Ground,
     accepted: AcceptedPaths,
     split: str,
     start: Array,
@@ -159,7 +167,7 @@ def _taken(
     The Fréchet distance of two paths is at least that of their starts and of their goals, and
     between the same ends there is mostly one way only: planning such a path would be wasted.
     """
-    taken = np.zeros(len(level.cells), dtype=bool)
+    taken = np.zeros(len(ground.cells_m), dtype=bool)
     if config.similarity != FRECHET:
         return taken
 
@@ -172,7 +180,7 @@ def _taken(
                 continue  # the way back is another path of the same split
             within = gap_m if same else max(gap_m, config.family_gap_m)
             if np.linalg.norm(path[own_end] - start) < within:
-                taken |= np.linalg.norm(level.cells_m - path[far_end], axis=1) < within
+                taken |= np.linalg.norm(ground.cells_m - path[far_end], axis=1) < within
 
     block(accepted.index.starting_near(start), 0, -1)
     block(accepted.index.ending_near(start), -1, 0)
@@ -197,73 +205,70 @@ def _of_missing_length(
 
 
 def _judge(
-    level: Level,
+    ground: Ground,
     accepted: AcceptedPaths,
     split: str,
     goal: Array,
     gap_m: float,
-    shortest: Sequence[DistanceField],
+    shortest: Sequence[Reach],
     config: SampleConfig,
 ) -> Candidate | str:
     """Return a candidate from the start of the fields `shortest` (robot's, agent's), or why not."""
     tight, agent = shortest
-    start = tight.goal_xy_m
-    plan = PlanConfig(comfort_m=config.comfort_m, comfort_weight=config.clearance_preference)
-    path = plan_path(level.freemap, start, goal, level.radius_m, plan)
-    if path is None:
+    start = tight.start_m
+    reference = ground.reference(start, goal, config)
+    if reference is None:
         return "unreachable"
-    reference = simplify_path(
-        level.freemap,
-        path,
-        radius_m=level.radius_m,
-        spacing_m=config.waypoint_spacing_m,
-        tolerance_m=0.03,
-    )
-    if config.min_view_m and path_length(reference) >= config.min_length_m:
+    shape = dimensions(ground)
+    if config.min_view_m and path_length(reference) - ground.stairs_m >= config.min_length_m:
         both = config.heading == ALONG_PATH
-        trimmed = level.view.trimmed(reference, config.min_view_m, both=both)
-        if trimmed is None or not (level.may_end_at(trimmed[0]) and level.may_end_at(trimmed[-1])):
+        trimmed = ground.view.trimmed(reference, config.min_view_m, both=both)
+        if trimmed is None or not all(ground.may_end_at(end) for end in trimmed[[0, -1]]):
             return "end_at_wall"
-        reference, goal = trimmed, trimmed[-1, :2]
+        reference, goal = trimmed, trimmed[-1, :shape]
     length = path_length(reference)
-    if length < config.min_length_m:
+    if length - ground.stairs_m < config.min_length_m:
         return "too_short"
-    if length > config.max_length_m:
+    if length - ground.stairs_m > config.max_length_m:
         return "too_long"
-    if not np.array_equal(reference[0, :2], start):
-        start = reference[0, :2]
-        tight, agent = (
-            distance_field(level.freemap, start, radius_m)
-            for radius_m in (config.robot_radius_m, AGENT_RADIUS_M)
-        )
+    if not np.array_equal(reference[0, :2], start[:2]):
+        start = reference[0, :shape]
+        tight = ground.reach(start, config.robot_radius_m)
+        agent = ground.reach(start, AGENT_RADIUS_M)
     # Compare with what the robot could have done, not with the roomier way.
-    if length > config.max_detour * float(tight.at(goal)):
+    if length > config.max_detour * tight.to(goal):
         return "detour"
-    geodesic = float(agent.at(goal))
-    if geodesic < config.min_length_m:
+    geodesic = agent.to(goal)
+    if geodesic - ground.stairs_m < config.min_length_m:
         return "too_short"
     turned = turning_deg(reference)
     if config.max_turning_deg is not None and turned > config.max_turning_deg:
         return "turning"
-    crossed = tuple(crossings(level.regions, reference))
-    if len(crossed) < level.min_crossings:
+    visits = ground.visits(reference)
+    if len(visits.rooms) - 1 < ground.min_crossings:
         return "same_room"
-    own = stations(reference)
+    own = stations(reference, shape)
     near = accepted.index.near(own)
     if any(gap < gap_m for gap in near.values()):
         return "too_similar"
     family = [*near.items(), *accepted.index.near(own[::-1].copy()).items()]
     if any(gap < config.family_gap_m and accepted.splits[k] != split for k, gap in family):
         return "family_of_another_split"
-    if not segments_free(level.freemap.grid, level.freemap.free(level.radius_m), reference).all():
+    if not ground.is_free(reference):
         return "unsafe"
-    ends = (int(level.regions.at(start)), int(level.regions.at(goal)))
-    first = crossed[0].from_region if crossed else ends[0]
-    names = tuple(level.regions.names[r] for r in (first, *(c.to_region for c in crossed)))
     return Candidate(
-        level.index, split, reference, geodesic, turned, crossed, names, ends,
+        ground.index,
+        *ground.route(reference),
+        ground.stairs_m,
+        split,
+        reference,
+        geodesic,
+        turned,
+        visits.crossed,
+        tuple(ground.room_names[room] for room in visits.rooms),
+        visits.ends,
         config.min_view_m > 0,
-    )  # fmt: skip
+    )
 
 
 def _least(rooms: NDArray[np.integer[Any]], used: Counter[int], rng: np.random.Generator) -> int:

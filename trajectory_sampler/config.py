@@ -9,6 +9,9 @@ FRECHET, DTW = "frechet", "dtw"
 MEASURES = (FRECHET, DTW)
 ALONG_PATH, RANDOM = "path", "random"
 HEADINGS = (ALONG_PATH, RANDOM)
+# Paths on one level, from one level to another, or as many of those as R2R has.
+NO, CROSS, MIXED = "no", "cross", "mixed"
+CROSS_SHARE = {NO: 0.0, CROSS: 1.0, MIXED: 0.19}
 
 
 @dataclass(frozen=True)
@@ -49,6 +52,8 @@ class SampleConfig:
         heading_noise_rad: starts that look along the path are turned by ± at most this [rad].
         goals_per_start: goals tried from one start before another start is drawn.
         patience: starts drawn in a row without a new path, before giving up.
+        storeys: `no`: every path stays on a level; `cross`: every path takes a staircase; `mixed`:
+            as many as in R2R do, 19 %. A staircase comes on top of `min_length_m` and the others.
     """
 
     count: int = 6
@@ -76,10 +81,12 @@ class SampleConfig:
     heading_noise_rad: float = 0.25
     goals_per_start: int = 4
     patience: int = 30
+    storeys: str = NO
 
     def __post_init__(self):
         check_name("similarity measure", self.similarity, MEASURES)
         check_name("start heading", self.heading, HEADINGS)
+        check_name("choice of --storeys", self.storeys, CROSS_SHARE)
         if self.count < 1:
             raise InputError(f"count is {self.count}; valid: 1 or more")
         if not 0 < self.min_length_m < self.max_length_m:

@@ -1,5 +1,6 @@
 """A level of a scene, prepared for sampling."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,27 +11,46 @@ from skimage.measure import label
 
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from ..wayfinding.distance import distance_field
+from ..wayfinding.crossings import crossings
+from ..wayfinding.distance import DistanceField, distance_field
+from ..wayfinding.planning import segments_free
 from ..wayfinding.regions import RegionMap, region_map
 from .config import SampleConfig
+from .ground import Visits, waypoints
 from .view import SceneView
 
-_FAR = 99  # hops between rooms that are not connected
+FAR_HOPS = 99  # hops between rooms that are not connected
+
+
+@dataclass(frozen=True)
+class LevelReach:
+    """Distances from a start on a level; satisfies `Reach`."""
+
+    field: DistanceField
+    cells: NDArray[np.int64]
+
+    @property
+    def start_m(self) -> NDArray[np.float64]:
+        """(2,) [m]."""
+        return self.field.goal_xy_m
+
+    @property
+    def to_cells_m(self) -> NDArray[np.float64]:
+        """(N,) [m]."""
+        return self.field.distance_m[self.cells[:, 0], self.cells[:, 1]]
+
+    def to(self, goal_m: NDArray[np.float64]) -> float:
+        """Return the distance to a goal (2,) [m]."""
+        return float(self.field.at(goal_m))
 
 
 @dataclass(frozen=True)
 class Level:
-    """A level, prepared for sampling.
+    """A level, prepared for sampling; satisfies `Ground`, where attributes are explained.
 
     Attributes:
         cells: (N, 2) cells where an episode may start or end.
-        cells_m: (N, 2) their centres [m].
-        rooms: (N,) room index of each of them.
-        hops: (R, R) fewest steps from room to room.
         area_m2: size of the connected floors they lie on [m²].
-        radius_m: clearance that every point of a path has [m].
-        min_crossings: how many times a path must pass between rooms here.
-        view: what cameras see in the scene.
     """
 
     index: int
@@ -44,11 +64,48 @@ class Level:
     radius_m: float
     min_crossings: int
     view: SceneView
+    stairs_m: float = 0.0
+
+    @property
+    def room_names(self) -> Sequence[str]:
+        """Name of every room."""
+        return self.regions.names
+
+    def route(self, path_m: NDArray[np.float64]) -> tuple[tuple[int, ...], tuple[int, ...]]:
+        """Return this level, and no staircases."""
+        return (self.index,), ()
+
+    def reach(self, start_m: NDArray[np.float64], radius_m: float) -> LevelReach:
+        """See `Ground`."""
+        return LevelReach(distance_field(self.freemap, start_m, radius_m), self.cells)
+
+    def reference(
+        self, start_m: NDArray[np.float64], goal_m: NDArray[np.float64], config: SampleConfig
+    ) -> NDArray[np.float64] | None:
+        """See `Ground`."""
+        return waypoints(self.freemap, start_m, goal_m, self.radius_m, config)
 
     def may_end_at(self, position_m: NDArray[np.float64]) -> bool:
-        """Return whether an episode may start or end in the cell of a position (2 or 3,) [m]."""
+        """See `Ground`."""
         cell = np.array(self.freemap.grid.cell_of(position_m[:2]))
         return bool((self.cells == cell).all(axis=1).any())
+
+    def visits(self, reference_m: NDArray[np.float64]) -> Visits:
+        """See `Ground`."""
+        return visits(self.regions, reference_m)
+
+    def is_free(self, reference_m: NDArray[np.float64]) -> bool:
+        """See `Ground`."""
+        free = self.freemap.free(self.radius_m)
+        return bool(segments_free(self.freemap.grid, free, reference_m).all())
+
+
+def visits(regions: RegionMap, path_m: NDArray[np.float64]) -> Visits:
+    """Return the rooms that a path (P, 2 or 3) [m] on one level visits."""
+    ends = int(regions.at(path_m[0, :2])), int(regions.at(path_m[-1, :2]))
+    crossed = tuple(crossings(regions, path_m))
+    first = crossed[0].from_region if crossed else ends[0]
+    return Visits(ends, (first, *(c.to_region for c in crossed)), crossed)
 
 
 def open_level(
@@ -101,10 +158,10 @@ def room_hops(regions: RegionMap) -> NDArray[np.int64]:
     edges = np.concatenate(pairs)
     edges = np.unique(edges[(edges >= 0).all(axis=1) & (edges[:, 0] != edges[:, 1])], axis=0)
     if not len(edges):
-        return np.where(np.eye(count, dtype=bool), 0, _FAR)
+        return np.where(np.eye(count, dtype=bool), 0, FAR_HOPS)
     graph = coo_array((np.ones(len(edges)), edges.T), shape=(count, count))
     hops = shortest_path(graph.tocsr(), directed=False, unweighted=True)
-    return np.where(np.isfinite(hops), hops, _FAR).astype(np.int64)
+    return np.where(np.isfinite(hops), hops, FAR_HOPS).astype(np.int64)
 
 
 def longest_way(freemap: Freemap, radius_m: float, ends_m: float) -> tuple[float, float]:

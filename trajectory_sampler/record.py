@@ -1,6 +1,7 @@
 """From a kept path to its episode: headings, waypoints, the ideal agent's actions, its family."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -9,15 +10,16 @@ from scipy.sparse.csgraph import connected_components
 
 from ..formats.core.episode import Episode
 from ..formats.core.frames import Array, wrap_angle
-from ..formats.core.geometry import path_length, point_along
+from ..formats.core.geometry import arc_length, path_length, point_along
 from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.crossings import DOORWAY_M
+from ..wayfinding.legs import legs_of
 from .candidates import Candidate
 from .config import ALONG_PATH, SampleConfig
 from .ideal import ideal_actions
-from .similarity import PathIndex, stations
+from .similarity import PathIndex
 from .view import start_heading
 
 WAYPOINT_M = 0.25
@@ -44,42 +46,61 @@ def episode_of(
         yaw = drawn * np.pi
     yaw = float(wrap_angle(yaw))
     name = f"{bundle.scene_id}-{number:04d}"
-    freemap = bundle.freemap(candidate.level).for_height(config.free_height_m)
-    waypoints = evenly(path, WAYPOINT_M)
-    clearance = clearance_at(freemap, waypoints)
-    return Episode(
+    route = {**low_passage(config.free_height_m), **over_stairs(candidate)}
+    episode = Episode(
         episode_id=name,
         trajectory_id=name,
         scene_id=bundle.scene_id,
         split=candidate.split,
-        level=candidate.level,
+        level=candidate.levels[0],
         start_position_world_m=path[0].copy(),
         start_yaw_rad=yaw,
         goal_position_world_m=path[-1].copy(),
         reference_path_world_m=path,
         geodesic_distance_m=candidate.geodesic_m,
-        extra={
-            "rooms": list(candidate.rooms),
-            "crossings": [
-                {
-                    "along_m": round(c.along_m, 3),
-                    "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
-                    "width_m": round(c.width_m, 3),
-                    "doorway": c.width_m <= DOORWAY_M,
-                }
-                for c in candidate.crossed
-            ],
-            "start_heading": config.heading,
-            "turning_deg": round(candidate.turning_deg, 1),
-            "similarity_group": f"{bundle.scene_id}/{group}",
-            "waypoints": {
-                "position_world_m": np.round(waypoints, 3).tolist(),
-                "clearance_m": np.round(clearance, 3).tolist(),
-            },
-            "actions": ideal_actions(path, yaw),
-            **low_passage(config.free_height_m),
-        },
+        extra=route,
     )
+    waypoints = evenly(path, WAYPOINT_M)
+    extra = {
+        "rooms": list(candidate.rooms),
+        "crossings": [
+            {
+                "along_m": round(c.along_m, 3),
+                "position_xy_m": [round(float(v), 3) for v in c.position_xy_m],
+                "width_m": round(c.width_m, 3),
+                "doorway": c.width_m <= DOORWAY_M,
+            }
+            for c in candidate.crossed
+        ],
+        "start_heading": config.heading,
+        "turning_deg": round(candidate.turning_deg, 1),
+        "similarity_group": f"{bundle.scene_id}/{group}",
+        "waypoints": {
+            "position_world_m": np.round(waypoints, 3).tolist(),
+            "clearance_m": np.round(_clearance(bundle, episode, waypoints), 3).tolist(),
+        },
+        # Actions move the agent on the plan: stairs are as long as they are seen from above.
+        "actions": ideal_actions(path[:, :2] if candidate.staircases else path, yaw),
+    }
+    return replace(episode, extra=extra | route)
+
+
+def over_stairs(candidate: Candidate) -> dict[str, list[int]]:
+    """Return the keys that an episode over several levels has in its `extra`."""
+    if not candidate.staircases:
+        return {}
+    return {"staircases": list(candidate.staircases), "levels": list(candidate.levels)}
+
+
+def _clearance(bundle: SceneBundle, episode: Episode, points_m: Array) -> Array:
+    """Return the clearance (W,) [m] of points (W, 3) [m] along an episode's path, on its sheets."""
+    legs = legs_of(bundle, episode)
+    ends_m = np.cumsum([path_length(leg.path_m) for leg in legs])[:-1]
+    of = np.searchsorted(ends_m, arc_length(points_m))
+    result = np.zeros(len(points_m))
+    for number, leg in enumerate(legs):
+        result[of == number] = clearance_at(leg.sheet, points_m[of == number])
+    return result
 
 
 def low_passage(free_height_m: float) -> dict[str, float]:
@@ -88,17 +109,19 @@ def low_passage(free_height_m: float) -> dict[str, float]:
 
 
 def similarity_groups(paths: Sequence[tuple[int, Array]], config: SampleConfig) -> list[int]:
-    """Return the number of each path's family: paths (level, (P, 3) [m]) linked by `family_gap_m`.
+    """Return the number of each path's family: stations of paths linked by `family_gap_m`.
 
     Two paths belong together when they are closer than that, forward or backward, and so do those
     that a chain of such pairs links.
+
+    Args:
+        paths: the ground that each was drawn on, and its stations (S, D) [m].
     """
     links = np.eye(len(paths), dtype=bool)
     indices: dict[int, tuple[PathIndex, list[int]]] = {}
-    for number, (level, path) in enumerate(paths):
+    for number, (ground, own) in enumerate(paths):
         fresh = (PathIndex(config.family_gap_m, config.similarity), [])
-        index, numbers = indices.setdefault(level, fresh)
-        own = stations(path)
+        index, numbers = indices.setdefault(ground, fresh)
         for other in (*index.near(own), *index.near(own[::-1].copy())):
             links[number, numbers[other]] = True
         index.add(own)

@@ -12,10 +12,12 @@ from ..formats.core.errors import SceneError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from .candidates import AcceptedPaths, Candidate, from_one_start
-from .config import SampleConfig
+from .config import CROSS, CROSS_SHARE, MIXED, SampleConfig
+from .ground import Ground
+from .joined import Joined, open_joined
 from .level import Level, longest_way, open_level, regions_of
 from .record import episode_of, similarity_groups
-from .similarity import PathIndex
+from .similarity import PathIndex, stations
 from .view import SceneView
 
 logger = logging.getLogger(__name__)
@@ -75,12 +77,16 @@ def sample_episodes(
     found are returned and the result says what is missing. Without quotas, the first paths of a
     larger count are those of a smaller one.
 
+    Paths over storeys take one staircase. Where the scene does not hold as many of them as `mixed`
+    asks for, paths on its levels take their place.
+
     Args:
         quotas: paths by split; by default `config.count` of `config.split`.
         avoid: episodes of this scene that new paths keep away from, as from those of another split.
 
     Raises:
-        SceneError: not a single path can be found; the message counts the reasons.
+        SceneError: not a single path can be found; the message counts the reasons, or says of each
+            staircase why no path takes it.
     """
     # The smallest split first: the large ones fill what is left around its families.
     requested = dict(sorted((quotas or {config.split: config.count}).items(), key=lambda q: q[1]))
@@ -89,7 +95,7 @@ def sample_episodes(
     headings = rng if quotas else rng.spawn(1)[0]
     search = _Search(bundle, config, rng)
     for episode in avoid:
-        search.by_level[episode.level].avoid(episode.reference_path_world_m)
+        search.avoid(episode)
     accepted: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None
@@ -106,6 +112,8 @@ def sample_episodes(
     total = sum(requested.values())
     missing = {s: n - sum(c.split == s for c in accepted) for s, n in requested.items()}
     missing = {split: n for split, n in missing.items() if n}
+    if not accepted and config.storeys == CROSS:
+        raise SceneError(_no_stairs(search))
     if not accepted:
         raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
     result = SampleResult(
@@ -117,7 +125,7 @@ def sample_episodes(
         clear_for_m=clear_for_m,
         enough_at_m=enough_at_m,
     )
-    _warn(bundle, accepted, config, result)
+    _warn(search, accepted, result)
     return result
 
 
@@ -136,8 +144,17 @@ class _Search:
         self.view = SceneView(self.bundle)
         reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
         measure = self.config.similarity
-        self.by_level = [AcceptedPaths(PathIndex(reach_m, measure)) for _ in self.regions]
+        grounds = len(self.regions) + len(self.bundle.staircases)
+        self.by_ground = [AcceptedPaths(PathIndex(reach_m, measure)) for _ in range(grounds)]
         self.opened: dict[float, list[Level]] = {}
+        self.joined: dict[float, list[Joined]] = {}
+        self.closed: dict[int, str] = {}  # why no path takes a staircase
+
+    def avoid(self, episode: Episode) -> None:
+        """Keep away from an episode."""
+        path, taken = episode.reference_path_world_m, episode.staircases
+        ground = len(self.regions) + taken[0] if taken else episode.level
+        self.by_ground[ground].avoid(stations(path, 3 if taken else 2))
 
     def complete(self, requested: Mapping[str, int]) -> bool:
         """Return whether every split has what it wants."""
@@ -153,25 +170,55 @@ class _Search:
             self.opened[radius_m] = [level for level in opened if len(level.cells)]
         return self.opened[radius_m]
 
+    def staircases(self, radius_m: float) -> list[Joined]:
+        """Return the staircases that paths with so much clearance can take."""
+        if radius_m not in self.joined:
+            self.joined[radius_m] = []
+            for k, staircase in enumerate(self.bundle.staircases):
+                self.closed[k] = staircase.problem
+                if staircase.problem:
+                    continue
+                settings = (radius_m, self.config, self.regions, self.view)
+                try:
+                    self.joined[radius_m].append(open_joined(self.bundle, k, *settings))
+                except SceneError as error:
+                    self.closed[k] = str(error)
+        return self.joined[radius_m]
+
     def fill(
         self, requested: Mapping[str, int], radius_m: float, gap_m: float, view_m: float
     ) -> None:
         """Add paths split by split until there are enough, or patience runs out."""
-        levels = self.levels(radius_m)
+        share = CROSS_SHARE[self.config.storeys]
+        grounds = {
+            False: self.levels(radius_m) if share < 1.0 else [],
+            True: self.staircases(radius_m) if share > 0.0 else [],
+        }
         config = replace(self.config, min_view_m=view_m)
         for split, count in requested.items():
             have = sum(c.split == split for c in self.accepted)
-            starts = failed = 0
-            while levels and have < count and failed < self.config.patience * len(levels):
-                level = levels[starts % len(levels)]
-                starts += 1
-                added = self._one(level, split, gap_m, config)
-                have += added
-                failed = 0 if added else failed + 1
+            starts, failed = Counter[bool](), Counter[bool]()
 
-    def _one(self, level: Level, split: str, gap_m: float, config: SampleConfig) -> bool:
-        here = self.by_level[level.index]
-        for outcome in from_one_start(level, here, split, gap_m, config, self.rng):
+            def open_to(cross: bool, failed: Counter[bool] = failed) -> bool:
+                patience = self.config.patience * len(grounds[cross])
+                return failed[cross] < patience
+
+            while have < count:
+                cross = round(share * (have + 1)) > round(share * have)
+                if not open_to(cross):
+                    # Before the other kind takes its place, tighter paths are tried.
+                    cross = not cross
+                    if radius_m > self.config.robot_radius_m or not open_to(cross):
+                        break
+                ground = grounds[cross][starts[cross] % len(grounds[cross])]
+                starts[cross] += 1
+                added = self._one(ground, split, gap_m, config)
+                have += added
+                failed[cross] = 0 if added else failed[cross] + 1
+
+    def _one(self, ground: Ground, split: str, gap_m: float, config: SampleConfig) -> bool:
+        here = self.by_ground[ground.index]
+        for outcome in from_one_start(ground, here, split, gap_m, config, self.rng):
             if isinstance(outcome, str):
                 self.dropped[outcome] += 1
                 continue
@@ -204,7 +251,7 @@ def _episodes(
     config: SampleConfig,
     rng: np.random.Generator,
 ) -> list[Episode]:
-    groups = similarity_groups([(c.level, c.reference_m) for c in accepted], config)
+    groups = similarity_groups([(c.ground, c.stations) for c in accepted], config)
     episodes = [
         episode_of(bundle, candidate, number, group, config, rng)
         for number, (candidate, group) in enumerate(zip(accepted, groups, strict=True))
@@ -227,6 +274,28 @@ def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) ->
     )
 
 
+def _no_stairs(search: _Search) -> str:
+    """Say why there is no path over storeys."""
+    bundle, config = search.bundle, search.config
+    if not search.closed:
+        count = len(bundle.level_floor_z_m)
+        return (
+            f"{bundle.scene_id}: --storeys {config.storeys} needs a staircase; the scene has "
+            f"{count} level{'s' * (count > 1)} and no staircase that joins any"
+        )
+    counts = Counter(search.dropped)
+    reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(counts.items())) or "none"
+    return (
+        f"{bundle.scene_id}: no path of {config.min_length_m:g} … {config.max_length_m:g} m and a "
+        "staircase: "
+        + "; ".join(
+            f"staircase {k} (levels {' to '.join(map(str, bundle.staircases[k].levels))}) "
+            + (problem or f"can be climbed, dropped candidates: {reasons}")
+            for k, problem in search.closed.items()
+        )
+    )
+
+
 def _longest(maps: Sequence[Freemap], radius_m: float, ends_m: float) -> tuple[float, float]:
     """Return the area [m²] of the floor with the longest way of all levels, and its length [m]."""
     lengths = [longest_way(entry, radius_m, ends_m) for entry in maps]
@@ -244,16 +313,18 @@ def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
     return f"{help_text} --min-length-m {0.8 * way_m:.1f} --min-crossings 0"
 
 
-def _warn(
-    bundle: SceneBundle, accepted: Sequence[Candidate], config: SampleConfig, result: SampleResult
-) -> None:
-    single = sorted({c.level for c in accepted if len(c.crossed) < config.min_crossings})
+def _warn(search: _Search, accepted: Sequence[Candidate], result: SampleResult) -> None:
+    bundle, config = search.bundle, search.config
+    flat = [c for c in accepted if not c.staircases]
+    single = sorted({c.ground for c in flat if len(c.crossed) < config.min_crossings})
     if single:
         logger.warning(
             "%s level %s is a single room: its episodes cannot pass between rooms",
             bundle.scene_id,
             ", ".join(map(str, single)),
         )
+    if config.storeys == MIXED and not any(c.staircases for c in accepted):
+        logger.warning("%s: no path takes a staircase. %s", bundle.scene_id, _no_stairs(search))
     if near := sum(not c.open_ends for c in accepted) if config.min_view_m else 0:
         logger.warning(
             "%s: holds too few paths whose first and last pictures show %g m of depth; accepted "

@@ -15,9 +15,9 @@ from .config import DTW, FRECHET
 STATION_M = 0.25
 
 
-def stations(path_m: ArrayLike) -> Array:
-    """Return a path (P, 2 or 3) [m] as points (S, 2) at equal steps of at most `STATION_M`."""
-    path = np.asarray(path_m, dtype=np.float64)[:, :2]
+def stations(path_m: ArrayLike, dimensions: int = 2) -> Array:
+    """Return a path (P, 2 or 3) [m] as points (S, D) at equal steps of at most `STATION_M`."""
+    path = np.asarray(path_m, dtype=np.float64)[:, :dimensions]
     length = path_length(path)
     count = max(2, int(np.ceil(length / STATION_M)) + 1)
     return point_along(path, np.linspace(0.0, length, count))
@@ -50,18 +50,18 @@ class PathIndex:
         self._boxes = np.zeros((0, 4))
 
     def add(self, path: Array) -> int:
-        """Add a path's stations (S, 2) [m]; return its number."""
+        """Add a path's stations (S, D) [m]; return its number."""
         number = len(self.paths)
         self.paths.append(path)
         self._bins[self._bin(path[0], path[-1])].append(number)
         if self.measure == DTW:
             if number >= len(self._boxes):
                 self._boxes = np.vstack([self._boxes, np.zeros((max(64, number), 4))])
-            self._boxes[number] = *path.min(axis=0), *path.max(axis=0)
+            self._boxes[number] = *path[:, :2].min(axis=0), *path[:, :2].max(axis=0)
         return number
 
     def near(self, path: Array) -> dict[int, float]:
-        """Return the distances [m], by number, of paths within `reach_m` of stations (S, 2) [m]."""
+        """Return the distances [m], by number, of paths within `reach_m` of stations (S, D) [m]."""
         gaps = {}
         for number in self._candidates(path):
             gap = _gap(path, self.paths[number], self.measure)
@@ -70,11 +70,11 @@ class PathIndex:
         return gaps
 
     def starting_near(self, point: Array) -> list[int]:
-        """Return the numbers of the paths that start within `reach_m` of a point (2,) [m]."""
+        """Return the numbers of the paths that start within `reach_m` of a point (D,) [m]."""
         return [k for k, path in enumerate(self.paths) if _close(path[0], point, self.reach_m)]
 
     def ending_near(self, point: Array) -> list[int]:
-        """Return the numbers of the paths that end within `reach_m` of a point (2,) [m]."""
+        """Return the numbers of the paths that end within `reach_m` of a point (D,) [m]."""
         return [k for k, path in enumerate(self.paths) if _close(path[-1], point, self.reach_m)]
 
     def _candidates(self, path: Array) -> Iterator[int]:
@@ -92,14 +92,15 @@ class PathIndex:
 
     def _by_boxes(self, path: Array) -> Iterator[int]:
         boxes = self._boxes[: len(self.paths)]
-        low = np.maximum(boxes[:, None, :2] - path, 0.0)
-        high = np.maximum(path - boxes[:, None, 2:], 0.0)
+        low = np.maximum(boxes[:, None, :2] - path[:, :2], 0.0)
+        high = np.maximum(path[:, :2] - boxes[:, None, 2:], 0.0)
         apart = np.linalg.norm(np.maximum(low, high), axis=2).sum(axis=1)
         longest = np.array([max(len(path), len(other)) for other in self.paths])
         yield from np.flatnonzero(apart < self.reach_m * longest).tolist()
 
     def _bin(self, start: Array, end: Array) -> tuple[int, ...]:
-        return tuple(np.floor(np.concatenate([start, end]) / self.reach_m).astype(int).tolist())
+        ends = np.concatenate([start[:2], end[:2]])
+        return tuple(np.floor(ends / self.reach_m).astype(int).tolist())
 
 
 def _close(a: Array, b: Array, within_m: float) -> bool:
@@ -119,6 +120,8 @@ def _coupled(a: Array, b: Array, summed: bool) -> float:
         before = np.inf  # the value up and to the left
         for j in range(len(b)):
             apart = np.hypot(a[i, 0] - b[j, 0], a[i, 1] - b[j, 1])
+            for k in range(2, a.shape[1]):
+                apart = np.hypot(apart, a[i, k] - b[j, k])
             best = row[j]
             if j > 0:
                 best = min(best, before, row[j - 1])
