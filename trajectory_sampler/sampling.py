@@ -281,7 +281,8 @@ def _no_stairs(search: _Search) -> str:
         count = len(bundle.level_floor_z_m)
         return (
             f"{bundle.scene_id}: --storeys {config.storeys} needs a staircase; the scene has "
-            f"{count} level{'s' * (count > 1)} and no staircase that joins any"
+            f"{count} level{'s' * (count > 1)} and none (scenes that an older version repaired do "
+            "not record any; repair them again)"
         )
     counts = Counter(search.dropped)
     reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(counts.items())) or "none"

@@ -195,6 +195,8 @@ class StoreyDistance:
         sheets = [*levels.values(), *staircases.values()]
         away = np.array([sheet.away_m(flat) for sheet in sheets])
         gaps = away + [sheet.off_m(flat) for sheet in sheets]
+        # Off all floors, the height alone says which level a point is on.
+        gaps[: len(levels)] -= np.maximum(away[: len(levels)] - SNAP_M, 0.0)
         here: Mask = gaps <= gaps.min(axis=0) + _SAME_M
         ways = np.full(gaps.shape, np.inf)
         for number, level in enumerate(levels):

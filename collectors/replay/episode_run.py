@@ -22,6 +22,7 @@ from ...formats.core.rollout import (
     Event,
     Rollout,
 )
+from ...wayfinding.storeys import ground_of
 from ..controllers import (
     CONTROLLERS,
     STOPPED,
@@ -376,7 +377,9 @@ class EpisodeRun:
         ]
         place, quat = arrays["position_world_m"], arrays["quat_wxyz"]
         facts = provenance(world, config, teleports=self.entry.teleports)
-        metrics = rollout_metrics(self.episode, world.freemap, place, end)
+        over = self.episode.staircases
+        ground = ground_of(world.bundle, self.episode) if over else world.freemap
+        metrics = rollout_metrics(self.episode, ground, place, end)
         return Rollout(
             episode=self.episode,
             robot=world.robot.name,

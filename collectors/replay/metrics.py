@@ -21,6 +21,7 @@ from ...formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ...formats.process.kernel import kernel
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
+from ...wayfinding.storeys import Storeys
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
@@ -58,7 +59,7 @@ def ndtw(path_m: ArrayLike, reference_m: ArrayLike, threshold_m: float = NDTW_TH
 
 def rollout_metrics(
     episode: Episode,
-    freemap: Freemap,
+    ground: Freemap | Storeys,
     position_world_m: Array,
     end_reason: EndReason,
 ) -> Metrics:
@@ -74,22 +75,31 @@ def rollout_metrics(
     nDTW compares both paths every 0.25 m of way, one FORWARD action, so that it does not depend on
     the robot's speed.
 
+    On `Storeys`, lengths and distances are three-dimensional, of the base less its height at the
+    start.
+
     Args:
+        ground: of the episode; see `ground_of`.
         position_world_m: where the base was.
     """
     stride = STATE_RATE_HZ // ACTION_RATE_HZ
     last = len(position_world_m) - 1
     ticks = np.unique(np.append(np.arange(0, last + 1, stride), last))
-    track = position_world_m[ticks, :2]
-    goal = episode.goal_position_world_m[:2]
-    field = distance_field(freemap, goal, AGENT_RADIUS_M)
+    size = 3 if isinstance(ground, Storeys) else 2
+    base_m = position_world_m[0, 2] - episode.start_position_world_m[2]
+    track = (position_world_m[ticks] - (0.0, 0.0, base_m))[:, :size]
+    goal = episode.goal_position_world_m[:size]
+    if isinstance(ground, Storeys):
+        field = ground.distance(goal)
+    else:
+        field = distance_field(ground, goal, AGENT_RADIUS_M)
     distance = field.at(track)
     error = field.at(track[-1], math.inf)
     length = path_length(track)
     success = end_reason in _STOPPED and bool(distance[-1] < episode.goal_radius_m)
     shortest = episode.geodesic_distance_m
     longest = max(length, shortest)
-    reference = space_evenly(episode.reference_path_world_m[:, :2], REFERENCE_STEP_M)
+    reference = space_evenly(episode.reference_path_world_m[:, :size], REFERENCE_STEP_M)
     return Metrics(
         trajectory_length_m=length,
         navigation_error_m=float(error),

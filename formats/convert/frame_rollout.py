@@ -111,6 +111,7 @@ def frame_view(unit: EpisodeUnit, rows: Rows, depth: Path) -> FrameFolder:
 
 def episode_of(columns: Mapping[str, Any], task: str) -> Episode:
     """Return the episode described by a unit's columns."""
+    over = {key: list(columns[key]) for key in ("staircases", "levels") if columns["staircases"]}
     return Episode(
         episode_id=columns["episode_id"],
         trajectory_id=columns["trajectory_id"],
@@ -126,7 +127,7 @@ def episode_of(columns: Mapping[str, Any], task: str) -> Episode:
         geodesic_distance_m=columns["geodesic_distance_m"],
         instruction=task,
         goal_radius_m=columns["goal_radius_m"],
-        extra={"instructions": list(columns["instructions"])},
+        extra={"instructions": list(columns["instructions"]), **over},
     )
 
 

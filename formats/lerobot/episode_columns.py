@@ -13,6 +13,7 @@ from ..rendered.table import FrameTable, StartFrame
 from ..vlnce.groups import instruction_ids
 
 _FLOATS = pa.list_(pa.field("element", pa.float64()))
+_INTS = pa.list_(pa.field("element", pa.int64()))
 _STRINGS = pa.list_(pa.field("element", pa.string()))
 _SCALARS = {float: pa.float64(), bool: pa.bool_(), int: pa.int64()}
 
@@ -21,7 +22,9 @@ EPISODE_COLUMNS: dict[str, pa.DataType] = {
     "episode_id": pa.string(),
     "trajectory_id": pa.string(),
     "scene_id": pa.string(),
-    "level": pa.int64(),
+    "level": pa.int64(),  # of the start
+    "levels": _INTS,  # of the path, in order
+    "staircases": _INTS,  # of the scene that the path takes, in order; none on a single level
     "split": pa.string(),  # as published; the unit's, and the uid, have that of its source
     "instructions": _STRINGS,
     "instruction_episode_ids": _STRINGS,  # the source's episode of each instruction
@@ -61,6 +64,8 @@ LATER_COLUMNS: dict[str, Any] = {
     "instruction_episode_ids": [],
     "subtasks": [],
     "subtask_from_s": [],
+    "levels": [],
+    "staircases": [],
 }
 
 
@@ -83,6 +88,8 @@ def episode_columns(
         "trajectory_id": episode.trajectory_id,
         "scene_id": episode.scene_id,
         "level": episode.level,
+        "levels": list(episode.levels),
+        "staircases": list(episode.staircases),
         "split": episode.split,
         "instructions": list(instructions),
         "instruction_episode_ids": ids if len(ids) == len(instructions) else [],

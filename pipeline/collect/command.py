@@ -12,7 +12,7 @@ from ...formats.vlnce.files import read_vlnce
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides
 from ...scene_repair.scan.files import SUFFIXES
-from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.config import NO, SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.vlnce.align_config import AlignConfig
 from ...trajectory_sampler.vlnce.stairs import StairRules
@@ -64,10 +64,15 @@ def run(options: Collect) -> int:
     episode_files, preset, count = _episodes(options.episodes)
     instructing, vision = instruct_config(options), vision_settings(options)
     sources = sources_of(options, episode_files, preset)
+    if episode_files and options.storeys != NO:
+        raise InputError(
+            f"--storeys {options.storeys} samples paths, and --episodes {options.episodes} has "
+            "its own; valid with files: no"
+        )
     plan = None if episode_files else SamplingPlan.of(options, preset, list(sources))
     height_m = chosen_free_height(robots, options.free_height_m)
     sampling = sample_config(
-        options, count, options.robot_radius_m, height_m, strict=plan is not None
+        options, count, robots, options.robot_radius_m, height_m, strict=plan is not None
     )
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)

@@ -131,7 +131,8 @@ def run_sample(options: Sample) -> int:
     radius_m = _radius(robots, options.robot_radius_m)
     plan = SamplingPlan.of(options, options.preset, list(scenes))
     height_m = chosen_free_height(robots, options.free_height_m)
-    config = sample_config(options, options.count, radius_m, height_m, strict=plan is not None)
+    strict = plan is not None
+    config = sample_config(options, options.count, robots, radius_m, height_m, strict=strict)
     out = _out(options.out, "episodes", plan is not None)
     with open_single(out, options.workers) as context:
         parts = _parts(context, list(scenes))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from ...formats.core.errors import InputError
 from ...formats.scene import FULL_HEIGHT_M
-from ...trajectory_sampler.config import SampleConfig
+from ...trajectory_sampler.config import CROSS_SHARE, SampleConfig
 from ...trajectory_sampler.presets import (
     choose_seen,
     get_preset,
@@ -100,16 +100,34 @@ def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
     return asked_m or needed[tallest]
 
 
+def check_climbing(option: str, robots: Iterable[RobotSpec]) -> None:
+    """Raise InputError unless all robots take stairs, as an option needs."""
+    from ...collectors.locomotion.runtime.policy import climbs
+    from ...collectors.robots import ROBOTS
+
+    unable = [robot.name for robot in robots if not climbs(robot)]
+    if unable:
+        able = ", ".join(name for name, robot in ROBOTS.items() if climbs(robot)) or "none"
+        raise InputError(f"{option}: {', '.join(unable)} cannot climb stairs; valid: {able}")
+
+
 def sample_config(
-    options: Sampling, count: int, radius_m: float, free_height_m: float, strict: bool
+    options: Sampling,
+    count: int,
+    robots: Sequence[RobotSpec],
+    radius_m: float,
+    free_height_m: float,
+    *,
+    strict: bool,
 ) -> SampleConfig:
     """Return what to sample in each scene.
 
     Args:
+        robots: that will walk the paths, if they are known.
         count: paths per scene, where no plan says how many.
         strict: never take paths that are more similar than asked for.
     """
-    return settings_of(
+    config = settings_of(
         SampleConfig,
         options,
         count=count,
@@ -118,3 +136,6 @@ def sample_config(
         relax=not strict,
         patience=60 if strict else SampleConfig.patience,
     )
+    if CROSS_SHARE[config.storeys]:
+        check_climbing(f"--storeys {config.storeys}", robots)
+    return config

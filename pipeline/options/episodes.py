@@ -41,6 +41,10 @@ class Sampling(Clearance):
     """Maximum sum of a sampled path's turns [deg]; unlimited by default."""
     heading: str = SampleConfig.heading
     """Initial heading of the robot: path (along the path) or random."""
+    storeys: str = SampleConfig.storeys
+    """Sampled paths over storeys: no (paths stay on a level), cross (every path takes a staircase),
+    or mixed (19 % do, as in R2R), for robots that climb. The length of a staircase comes on top of
+    --min-length-m and --max-length-m."""
     splits: str = ""
     """Number of paths per split over all scenes, e.g. train=147,val_seen=37,val_unseen=429.
     val_seen shares scenes with train, but no similar paths; val_unseen has scenes of its own."""

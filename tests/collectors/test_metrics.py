@@ -9,12 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from tests.support.scenes.storeys import HEAD_X, LENGTH_M, LINE, TOP_M, write_two_storeys
 from vlnpe.collectors.replay.metrics import dtw, ndtw, rollout_metrics
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.geometry import path_length, space_evenly
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
+from vlnpe.wayfinding.storeys import ground_of
 
 POINTS = arrays(np.float64, st.tuples(st.integers(1, 12), st.just(2)), elements=st.floats(-9, 9))
 REFERENCE = np.array([[1.0, 1.0, 0], [3.0, 2.0, 0], [5.0, 2.0, 0], [7.0, 3.0, 0]])
@@ -160,3 +162,47 @@ def test_outside_of_the_building_the_error_is_the_way_back_and_nothing_succeeds(
     assert m.navigation_error_euclidean_m < 3.0
     assert m.navigation_error_euclidean_m <= m.navigation_error_m < 4.0
     assert not m.success
+
+
+@pytest.fixture(scope="module")
+def building(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
+    return write_two_storeys(tmp_path_factory.mktemp("building"))
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_metrics_over_storeys_are_three_dimensional(building: SceneBundle, up: bool) -> None:
+    path = np.vstack([[6.0, 2.0, 0.0], LINE, [HEAD_X + 4.4, 2.0, TOP_M]])
+    path = path if up else path[::-1]
+    length = 4.0 + LENGTH_M + 4.0
+    task = replace(
+        episode(),
+        level=0 if up else 1,
+        start_position_world_m=path[0],
+        goal_position_world_m=path[-1],
+        reference_path_world_m=path,
+        geodesic_distance_m=length,
+        extra={"staircases": [1], "levels": [0, 1] if up else [1, 0]},
+    )
+    ground = ground_of(building, task)
+    # The base sways with every step and keeps its height above the slope.
+    track = space_evenly(path, 0.005)
+    track[:, 2] += 0.36 + 0.01 * np.sin(np.arange(len(track)) / 7.0)
+    track[0, 2] = path[0, 2] + 0.36
+    whole = rollout_metrics(task, ground, track, EndReason.SUCCESS)
+    assert whole.trajectory_length_m == pytest.approx(length, rel=0.02)
+    assert whole.navigation_error_m == pytest.approx(0.0, abs=0.05)
+    assert whole.success
+    assert whole.spl > 0.97
+    assert whole.ndtw > 0.97
+    # Halfway up the flight, and on the plan near the goal but a storey away.
+    middle = int(np.argmin(np.abs(track[:, 2] - 0.36 - 0.5 * TOP_M)))
+    half = rollout_metrics(task, ground, track[: middle + 1], EndReason.STOPPED_FAR)
+    assert half.navigation_error_m == pytest.approx(0.5 * length, abs=0.1)
+    assert not half.success
+    assert not half.oracle_success
+    assert half.ndtw < whole.ndtw
+    lost = path[[-1, -1]] * (1.0, 1.0, 0.0) + (0.0, 0.0, TOP_M - path[-1, 2] + 0.36)
+    away = rollout_metrics(task, ground, np.vstack([track[:1], lost]), EndReason.STOPPED_FAR)
+    assert away.navigation_error_euclidean_m == pytest.approx(TOP_M, abs=0.05)
+    assert away.navigation_error_m > 3.0
+    assert not away.success

@@ -205,6 +205,7 @@ def test_levels_are_served_in_turn(two_rooms):
 
         scene_id = "tower"
         level_floor_z_m = (0.0, 3.0)
+        staircases = ()
         objects = two_rooms.objects
 
         def freemap(self, level):
