@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..facts.doors import DOOR, OPENING
-from ..facts.records import PassageFact
+from ..facts.records import ClimbFact, PassageFact
 from ..language.claims import Claim
 from .fit import NEVER, WRONG, Costs, Fit, Part, best, never, ramp
 from .things import BESIDE_M, Things, spoken_side
@@ -77,17 +77,18 @@ class Ground(Things):
         facts, last, first = self.facts, self.facts.visits[-1].room, self.facts.visits[0].room
         came = {p.from_room for p in facts.passages[-1:]}
         ends = [(self.length_m - 0.4, last, room) for room in facts.goal_rooms if room not in came]
+        ends += [(a, last, "landing") for c in facts.climbs for a, _ in c.landings_m]
         for room in facts.start_rooms:  # who starts there leaves one and comes into the other
             ends += [(0.5, room, first), (0.5, first, room)]
         return [PassageFact(at, a, b, True, 0.0) for at, a, b in ends]
 
-    def door_side(self, passage: PassageFact, side: str) -> float:
-        """Return what it costs to say that a doorway that is walked through is on a side."""
+    def door_side(self, passage: PassageFact | ClimbFact, side: str) -> float:
+        """Return what it costs to say that a doorway or stairs that one walks to are on a side."""
         turns = self.facts.turns
         if side == "behind":  # where the walk begins
             turned = any(abs(t.angle_deg) >= 90.0 for t in turns if t.along_m < 1.0)
             return 0.0 if turned and passage is self.facts.passages[0] else NEVER
-        if passage not in self.facts.passages:
+        if passage not in (*self.facts.passages, *self.facts.climbs):
             return _UNSURE
 
         def turned_deg(low_m: float, high_m: float) -> float:
@@ -144,6 +145,7 @@ class Ground(Things):
         """Return what it costs to say that the walker is in a room."""
         names, facts = self.rooms(claim.name), self.facts
         spans = [(v.from_m, v.to_m) for v in facts.visits if v.room in names or not claim.name]
+        spans += [m for c in facts.climbs for m in c.landings_m] if "landing" in names else []
         spans += [(0.0, 0.3)] if names & {*facts.start_rooms} else []
         spans += [(self.length_m - 0.5, self.length_m)] if names & {*facts.goal_rooms} else []
         if not spans:

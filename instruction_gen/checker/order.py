@@ -1,6 +1,6 @@
 """The best placement of a text's claims along a path, and what it costs.
 
-A state is a place on the path and the number of its turns that are behind the walker. Each claim
+A state is a place on the path and the number of its turns and climbs that are behind the walker. Each claim
 moves the walker on at a cost: of its target at the new place, of going back, of turns that it does
 not say. Dynamic programming finds the cheapest way through all claims. A text is refused where
 that costs too much; the dearest claims on it say why.
@@ -12,11 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..facts.records import ClimbFact, TurnFact
 from ..language.claims import Claim, Step
+from ..language.stairs import is_stairs
+from . import climbs
 from .fit import NEVER, WRONG, Costs, Fit, Part, best, ramp
 from .ground import Ground
 from .said import Said
-from .turns import left_out, made, no_turn, unsaid
+from .turns import events_of, left_out, made, no_turn, unsaid
 
 LIMIT = 0.66  # the root of the sum of the squares of all costs
 _FIRST = 0.35  # who meets what costs no more than this means it
@@ -65,7 +68,7 @@ class Alignment:
     """
 
     def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
-        self.ground, self.along, self.turns = ground, ground.along_m, ground.facts.turns
+        self.ground, self.along, self.turns = ground, ground.along_m, events_of(ground)
         self._within = ""  # the room that the text is in
         cost = np.full((len(self.turns) + 1, ground.places), np.inf)
         cost[0, 0] = 0.0
@@ -86,6 +89,12 @@ class Alignment:
     def _fit(self, said: Said) -> Fit:
         ground, claim = self.ground, said.claim
         kind, what = claim.kind, claim.what
+        if kind == "climb":
+            return climbs.climbed(ground, claim)
+        if what == "storey":
+            return climbs.on_storey(ground, claim)
+        if is_stairs(claim) and claim.place in ("top", "bottom", "halfway") and ground.facts.climbs:
+            return climbs.on_stairs(ground, claim)
         if kind == "avoid":
             return best(
                 (1, ground.places), [(self._entered(said), f"the path does enter the {claim.name}")]
@@ -118,6 +127,10 @@ class Alignment:
     def _entered(self, said: Said) -> float:
         """Return what it costs to say that a room is not entered."""
         facts, names = self.ground.facts, self.ground.rooms(said.claim.name)
+        if is_stairs(said.claim):
+            return NEVER * any(
+                said.claim.way in ("", "up" if c.up else "down") for c in facts.climbs
+            )
         rooms = (
             self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave")
         )
@@ -235,7 +248,9 @@ class Alignment:
         if stays:  # the walker stays where he is
             seen = np.maximum(moves, own).argmin(axis=1)
             own = np.maximum(moves, own).min(axis=1)
-        if claim.what in ("door", "room") and said.index:
+        if claim.kind == "climb" or claim.what == "storey":
+            self._within = ""
+        elif claim.what in ("door", "room") and said.index:
             room = claim.kind in ("enter", "in") and claim.what == "room"
             self._within = claim.name if room else ""
         left = unsaid(self.ground, said)
@@ -265,7 +280,7 @@ class Alignment:
                 (float(pending[m, s]), m)
             ]
             place = "" if claim.kind == "stop" else f" before the {name}"
-            return every + [(cost, f"the turn to the {self.turns[j].side}{place} is not mentioned")
+            return every + [(cost, f"{_event(self.turns[j])}{place} is not mentioned")
                             for cost, j in turns if cost]  # fmt: skip
 
         return result + np.maximum(own, pending) ** 2, origin, told
@@ -274,7 +289,7 @@ class Alignment:
         """Make a turn."""
         result, origin = np.full_like(before, np.inf), np.zeros((2, *before.shape), dtype=np.int64)
         straight = said.straight
-        left = [left_out(turn, straight, np.inf) for turn in self.turns]
+        left = [left_out(self.ground, turn, straight, ends=False) for turn in self.turns]
         for turn in made(self.ground, said):
             for m in range(turn.first + 1):
                 value = (
@@ -295,3 +310,10 @@ class Alignment:
             return [(cost, f"there is no turn {side} here")]
 
         return result, origin, told
+
+
+def _event(event: TurnFact | ClimbFact) -> str:
+    """Return what the path does, in words."""
+    if isinstance(event, ClimbFact):
+        return f"the way {'up' if event.up else 'down'} the stairs"
+    return f"the turn to the {event.side}"

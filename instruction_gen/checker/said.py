@@ -58,7 +58,13 @@ class Said:
     @property
     def moved(self) -> bool:
         """Whether the text has moved before."""
-        return any(c.kind in ("enter", "door", "leave", "in", "turn", "reach") for c in self.before)
+        kinds = ("enter", "door", "leave", "in", "turn", "climb", "reach")
+        return any(c.kind in kinds for c in self.before)
+
+    @property
+    def on_landing(self) -> bool:
+        """Whether the claim before, of the same step, is of a landing or halfway up stairs."""
+        return not self.apart and (self.last.name == "landing" or self.last.place == "halfway")
 
     @property
     def paced_m(self) -> float:

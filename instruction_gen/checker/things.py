@@ -52,7 +52,8 @@ class Things:
     def rooms(self, name: str) -> frozenset[str]:
         """Return the rooms that a name means here: those of just that name, if there are any."""
         own = frozenset((name,)) & {*self.facts.level_rooms}
-        return own or room_names(name)
+        landing = name == "landing" and any(climb.landings_m for climb in self.facts.climbs)
+        return (own or room_names(name)) | ({"landing"} if landing else frozenset())
 
     # fits -------------------------------------------------------------------------------------
 

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..facts.records import TurnFact
+from ..facts.records import ClimbFact, TurnFact
 from ..language.claims import Claim
+from .climbs import reaches_storey
 from .fit import NEVER, WRONG, Costs, Mask, ramp
 from .ground import Ground
 from .said import WAYS, Said
@@ -17,6 +18,7 @@ _START_M, _START_DEG, _END_M = 0.3, 100.0, 0.9
 _BEFORE_DOOR_M, _NEAR_M = 2.6, 2.5
 _ONE_BEND_M, _TWICE_DEG, _TOO_SLIGHT, _TOLD_TWICE = 2.2, 95.0, 0.8, 0.3
 _SEE_M, _SEE_DEG = 8.0, 125.0
+_AT_LANDING_M = 0.5
 
 
 @dataclass(frozen=True)
@@ -39,19 +41,42 @@ class Made:
 
 def unsaid(ground: Ground, said: Said) -> Costs:
     """Return (T, S) what it costs to leave turns unsaid up to a claim at a place."""
-    result = np.zeros((len(ground.facts.turns), ground.places))
+    events = events_of(ground)
+    result = np.zeros((len(events), ground.places))
     if all(claim.kind == "stop" for claim in said.claims):
         return result  # a text that names the goal alone tells no way
-    for j, turn in enumerate(ground.facts.turns):
-        cost = left_out(turn, said.straight, ground.length_m)
+    for j, turn in enumerate(events):
+        cost = left_out(ground, turn, said.straight)
+        if isinstance(turn, ClimbFact):
+            told = said.claim.kind == "climb" or reaches_storey(ground, said.claim, turn)
+            result[j] = 0.0 if told else cost
+            continue
+        if ground.facts.on_stairs(turn.along_m):
+            continue
         led = np.where(_led_around(ground, said, turn), _LED, 1.0)
         contrary = _contradicted(ground, said, turn)
         result[j] = np.where(contrary, ramp(abs(turn.angle_deg), *_CONTRARY_DEG), cost * led)
     return result
 
 
-def left_out(turn: TurnFact, straight: bool, length_m: float) -> float:
-    """Return what it costs to say nothing of a turn, or that the way is straight."""
+def events_of(ground: Ground) -> list[TurnFact | ClimbFact]:
+    """Return the turns and climbs of a path, in order."""
+    return sorted((*ground.facts.turns, *ground.facts.climbs), key=lambda e: e.along_m)
+
+
+def left_out(
+    ground: Ground, turn: TurnFact | ClimbFact, straight: bool, ends: bool = True
+) -> float:
+    """Return what it costs to say nothing of a turn or climb, or that the way is straight.
+
+    Args:
+        ends: a turn at an end of the path counts less.
+    """
+    if isinstance(turn, ClimbFact):
+        return NEVER
+    if ground.facts.on_stairs(turn.along_m):
+        return 0.0  # the stairs lead around
+    length_m = ground.length_m if ends else np.inf
     start = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
     edge = start or turn.along_m > length_m - _END_M
     cost = ramp(abs(turn.angle_deg), *(_STRAIGHT_DEG if straight else _UNSAID_DEG))
@@ -75,6 +100,9 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     led = np.zeros(ground.places, dtype=bool)
     if said.straight and claim.side not in ("left", "right"):
         return led
+    if claim.kind == "climb":
+        feet = (climb.along_m - turn.along_m for climb in ground.facts.climbs)
+        return led | any(0.0 <= foot_m <= _BEFORE_DOOR_M for foot_m in feet)
     if claim.kind in ("door", "enter", "leave"):
         if claim.side == turn.side:
             return np.abs(onward) <= _BEFORE_DOOR_M
@@ -105,13 +133,19 @@ def _doors(ground: Ground, turn: TurnFact, from_m: float) -> set[str]:
 
 def made(ground: Ground, said: Said) -> Iterator[Made]:
     """Yield the turns of a path that a claimed turn may be."""
-    turns, along, claim = ground.facts.turns, ground.along_m, said.claim
+    turns, along, claim = events_of(ground), ground.along_m, said.claim
+    landings = [m for climb in ground.facts.climbs for m in climb.landings_m]
     # Behind a door: what bends well before it is another turn.
     slack = 0.4 if said.last.kind in ("leave", "enter", "door") and said.apart else 1.0
     for j, first in enumerate(turns):
+        here = any(low - _AT_LANDING_M <= first.along_m <= high for low, high in landings)
+        if isinstance(first, ClimbFact) or (said.on_landing and landings and not here):
+            continue
         total = 0.0
         for after in range(j + 1, len(turns) + 1):
             own = turns[after - 1]
+            if isinstance(own, ClimbFact):
+                break
             apart_m = own.along_m - turns[max(after - 2, j)].along_m
             if own.side != first.side or apart_m > _ONE_BEND_M:
                 break
@@ -130,9 +164,9 @@ def no_turn(ground: Ground, said: Said, count: int) -> Costs:
     A bend may be too slight for the facts, and a wide one told as two turns.
     """
     along, claim, turns = ground.along_m, said.claim, ground.facts.turns
-    last = turns[count - 1] if count else None
+    last = events_of(ground)[count - 1] if count else None
     cost = np.full(len(along), 0.75 * WRONG)
-    if last and last.side == claim.side and abs(last.angle_deg) >= _TWICE_DEG:
+    if isinstance(last, TurnFact) and last.side == claim.side and abs(last.angle_deg) >= _TWICE_DEG:
         cost = np.maximum(ramp(np.abs(along - last.along_m), 2.0, 3.0), _TOLD_TWICE)
     if claim.degree == "slight":
         other = [

@@ -12,6 +12,7 @@ from ...formats.core.geometry import path_length
 from ...formats.scene.visibility import Visibility
 from ...wayfinding.crossings import Crossing, crossings
 from .actions import find_turns
+from .climbs import BEFORE_M, climbs_of, part_of
 from .doors import DOOR, OPENING
 from .geometry import Track, track_of
 from .landmarks import PLAIN, landmarks_of
@@ -20,7 +21,7 @@ from .records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
 from .rooms import nouns_inside, rooms_near
 from .views import onward, room_ahead, views_of
 
-_BEFORE_DOOR_M = 1.5
+_FAR_M = 99.0  # what is on another level
 _THRESHOLD_M, _NEAR_M = 0.7, 2.5
 _BEYOND_M, _BEHIND_FRAME_M = 0.5, 0.12
 _AT_DOOR_M = 1.0
@@ -29,41 +30,66 @@ _ASIDE_DEG = 15.0
 
 
 def path_facts(
-    episode: Episode, shared: LevelFacts, visibility: Visibility | None = None
+    episode: Episode,
+    shared: LevelFacts,
+    visibility: Visibility | None = None,
+    beyond: Sequence[LevelFacts] = (),
 ) -> PathFacts:
     """Return the facts of an episode's reference path.
 
     Args:
-        episode: only its path and start heading are looked at.
+        episode: only its path, start heading and staircases are looked at.
         shared: of the episode's level.
         visibility: what the robot's camera saw; without it, walls alone decide what is seen.
+        beyond: of the levels that its staircases lead to, in order.
     """
     path = episode.reference_path_world_m[:, :2]
     track = track_of(path)
     length = path_length(path)
     turns = find_turns(path, episode.start_yaw_rad)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
-    landmarks = landmarks_of(shared, track, sight)
-    crossed = _crossings(shared, path, length)
-    visits = _visits(shared, path, crossed, length)
-    passages = _passages(shared, crossed, track, visits, landmarks, turns)
+    climbs = climbs_of(episode, shared.bundle.staircases, track) if beyond else ()
+    levels = (shared, *beyond)
+    # What is beside the first half of a staircase is on the level before it.
+    halves = [0.5 * (climb.along_m + climb.to_m) for climb in climbs]
+    landmarks: list[LandmarkFact] = []
+    passages: list[PassageFact] = []
+    visits: list[VisitFact] = []
+    for k, (level, half) in enumerate(zip(levels, pairwise([0.0, *halves, length]), strict=True)):
+        low_m = climbs[k - 1].to_m if k else 0.0
+        high_m = climbs[k].along_m if k < len(climbs) else length
+        own = track.between(*half)
+        marks = landmarks_of(level, own, sight)
+        if half[1] < length:
+            marks = tuple(replace(m, goal_distance_m=_FAR_M, goal_open=False) for m in marks)
+        part = part_of(path, low_m, high_m) if climbs else path
+        crossed = _crossings(level, part, low_m, high_m)
+        stays = _visits(level, part, crossed, low_m, climbs[k].to_m if climbs[k:] else high_m)
+        if visits:  # into the room at the other end of the stairs
+            passages.append(PassageFact(low_m, visits[-1].room, stays[0].room, False, 0.0))
+        passages += _passages(level, crossed, track, stays, marks, turns)
+        visits += stays
+        landmarks += marks
+    last = levels[-1]
     return PathFacts(
         trajectory_id=episode.trajectory_id,
         scene_id=episode.scene_id,
         level=episode.level,
         length_m=round(length, 2),
         turns=turns,
-        passages=passages,
-        visits=visits,
-        landmarks=landmarks,
-        level_nouns=tuple(sorted({*shared.nouns} - {DOOR, OPENING})),
-        level_rooms=tuple(sorted({n for n in shared.names if n})),
+        passages=tuple(passages),
+        visits=tuple(visits),
+        landmarks=tuple(landmarks),
+        level_nouns=tuple(sorted({n for own in levels for n in own.nouns} - {DOOR, OPENING})),
+        level_rooms=tuple(sorted({n for own in levels for n in own.names if n})),
         start_rooms=_others(shared, path[0], _THRESHOLD_M, visits[0].room),
-        goal_rooms=_others(shared, path[-1], _THRESHOLD_M, visits[-1].room),
-        goal_near_rooms=_others(shared, path[-1], _NEAR_M, visits[-1].room),
-        room_ahead=room_ahead(shared.regions, shared.names, path),
+        goal_rooms=_others(last, path[-1], _THRESHOLD_M, visits[-1].room),
+        goal_near_rooms=_others(last, path[-1], _NEAR_M, visits[-1].room),
+        room_ahead=room_ahead(last.regions, last.names, path),
         views=views_of(landmarks, turns, passages, round(length, 2)),
         camera=visibility.camera if visibility and sight else None,
+        climbs=climbs,
+        levels=len(shared.bundle.level_floor_z_m),
     )
 
 
@@ -74,16 +100,23 @@ def _others(
     return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
 
 
-def _crossings(shared: LevelFacts, path: NDArray[np.float64], length_m: float) -> list[Crossing]:
-    """Return where the path passes a door frame, at its ends too.
+def _crossings(
+    shared: LevelFacts, path: NDArray[np.float64], from_m: float, to_m: float
+) -> list[Crossing]:
+    """Return where a part of the path, `from_m` … `to_m`, passes a door frame, at its ends too.
 
     Both ends are drawn out by half a metre: who stands just behind a frame is in the room behind
     it, wherever the map draws the border of the two.
     """
     before, after = (onward(p, _BEYOND_M)[-1] for p in (path[::-1], path))
     longer = np.vstack([before, path, after])
-    crossed = (replace(c, along_m=c.along_m - _BEYOND_M) for c in crossings(shared.regions, longer))
-    return [c for c in crossed if _BEHIND_FRAME_M <= c.along_m <= length_m - _BEHIND_FRAME_M]
+    start_m = from_m - _BEYOND_M
+    crossed = (replace(c, along_m=c.along_m + start_m) for c in crossings(shared.regions, longer))
+    return [
+        c
+        for c in crossed
+        if c.along_m - from_m >= _BEHIND_FRAME_M and c.along_m <= to_m - _BEHIND_FRAME_M
+    ]
 
 
 def _passages(
@@ -96,11 +129,7 @@ def _passages(
 ) -> tuple[PassageFact, ...]:
     result = []
     for c, visit in zip(crossed, visits, strict=False):
-        k = int(np.searchsorted(track.along_m, max(0.0, c.along_m - _BEFORE_DOOR_M)))
-        k = min(k, len(track.along_m) - 1)
-        to = c.position_xy_m - track.points_m[k]
-        bearing = np.rad2deg(np.arctan2(to[1], to[0]) - track.heading_rad[k])
-        bearing = round(float((bearing + 180) % 360 - 180), 1)
+        bearing = track.bearing_deg(c.along_m - BEFORE_M, c.position_xy_m)
         into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.0), None)
         side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
         side = side or (into.side if into and abs(into.angle_deg) > 45.0 else "")
@@ -154,9 +183,10 @@ def _thing_at(shared: LevelFacts, crossing: Crossing) -> str:
 
 
 def _visits(
-    shared: LevelFacts, path: NDArray[np.float64], crossed: Sequence[Crossing], length: float
-) -> tuple[VisitFact, ...]:
-    knots = [0.0, *(round(c.along_m, 2) for c in crossed), round(length, 2)]
+    shared: LevelFacts, path: NDArray[np.float64], crossed: Sequence[Crossing],
+    from_m: float, to_m: float,
+) -> tuple[VisitFact, ...]:  # fmt: skip
+    knots = [round(m, 2) for m in (from_m, *(c.along_m for c in crossed), to_m)]
     # A step over the threshold of the next room is no visit: the last room is the one before it.
     last = crossed[-1].to_region if crossed else int(shared.regions.at(path[len(path) // 2]))
     regions = [*(c.from_region for c in crossed), last]

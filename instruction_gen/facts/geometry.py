@@ -31,6 +31,19 @@ class Track:
     points_m: Array
     heading_rad: Array
 
+    def between(self, low_m: float, high_m: float) -> "Track":
+        """Return the samples between two places of the path [m]."""
+        inside = (self.along_m >= low_m) & (self.along_m <= high_m)
+        return Track(self.along_m[inside], self.points_m[inside], self.heading_rad[inside])
+
+    def bearing_deg(self, along_m: float, to_xy_m: Array) -> float:
+        """Return the direction to a place (2,) [m] from a place of the path, left is positive."""
+        k = int(np.searchsorted(self.along_m, max(0.0, along_m)))
+        k = min(k, len(self.along_m) - 1)
+        to = to_xy_m - self.points_m[k]
+        bearing = np.rad2deg(np.arctan2(to[1], to[0]) - self.heading_rad[k])
+        return round(float((bearing + 180) % 360 - 180), 1)
+
 
 @dataclass(frozen=True)
 class Relations:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.scene.bundle import LabeledObject, SceneBundle
+from ...formats.scene.staircase import Staircase
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
 from .doors import Opening, as_thing, find_openings
@@ -68,6 +69,9 @@ class LevelFacts:
             elif thing.category not in _STRUCTURE:
                 unnamed[thing.category[:40]] = unnamed.get(thing.category[:40], 0) + 1
         things = [t for t in things if not any(_part_of(t, other) for other in things)]
+        if "stairs" not in (noun_of(t.category) for t in things):
+            things += [_stairs(s, k, level) for k, s in enumerate(bundle.staircases)
+                       if level in s.levels]  # fmt: skip
         openings = find_openings(regions, things)
         floor_z_m = bundle.level_floor_z_m[level]
         # A door's leaf and its frame are the doorway that they stand in.
@@ -84,6 +88,16 @@ class LevelFacts:
             rooms_of_boxes(regions, names, low, high), names, tuple(openings), tuple(leads),
             unnamed,
         )  # fmt: skip
+
+
+def _stairs(stairs: Staircase, number: int, level: int) -> LabeledObject:
+    """Return a staircase as an object of one of the levels that it joins."""
+    line = stairs.line_world_m
+    low, high = line.min(axis=0), line.max(axis=0)
+    low[:2] -= 0.5 * stairs.width_m
+    high[:2] += 0.5 * stairs.width_m
+    box = [(float(x), float(y), float(z)) for x, y, z in (low, high)]
+    return LabeledObject(f"stairs-{number}", "stairs", *box, level)
 
 
 _STRUCTURE = frozenset(

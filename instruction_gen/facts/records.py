@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from ...formats.scene.visibility import SightCamera
 
-FACTS_VERSION = 6
+FACTS_VERSION = 7
 _ONE_TURN_M = 1.3  # bends to one side that are nearer to each other are one turn
 
 
@@ -68,6 +68,30 @@ class PassageFact:
     ordinal: int = 0
     alike: int = 0
     beside: str = ""
+
+
+@dataclass(frozen=True)
+class ClimbFact:
+    """A way over a staircase.
+
+    Attributes:
+        along_m, to_m: distances along the path of the first and the last riser [m].
+        to_level: of the scene.
+        up: it leads up.
+        bearing_deg: direction to it from a metre and a half before, left is positive [deg].
+        landings_m: from where to where each landing between its flights goes [m].
+    """
+
+    along_m: float
+    to_m: float
+    to_level: int
+    up: bool
+    bearing_deg: float
+    landings_m: tuple[tuple[float, float], ...] = ()
+
+    def holds(self, along_m: float) -> bool:
+        """Return whether a place of the path is on the staircase [m]."""
+        return self.along_m <= along_m <= self.to_m
 
 
 @dataclass(frozen=True)
@@ -203,21 +227,25 @@ class LandmarkFact:
 class PathFacts:
     """The facts of one path.
 
+    Distances along it are those in plan, also on stairs.
+
     Attributes:
         trajectory_id, scene_id: of the episode.
-        level: of the scene.
-        length_m: of the path [m].
+        level: of the scene, where the path starts.
+        length_m: of the path in plan [m].
         turns: changes of heading of 20° and more, in order.
         passages: room changes, in order.
         visits: rooms, in order.
         landmarks: things near the path, in the order of passing.
-        level_nouns: nouns of all things on the level.
-        level_rooms: canonical names of all rooms on the level.
+        level_nouns: nouns of all things on the path's levels.
+        level_rooms: canonical names of all rooms on the path's levels.
         start_rooms, goal_rooms: other rooms on whose threshold the path starts or stops.
         goal_near_rooms: other rooms that lie openly close to the goal.
         room_ahead: the room that one comes into who walks straight on at the goal, "" = none.
         views: what may be seen at start, turns, doors and goal, in order.
         camera: which looked; None where facts come from the map alone.
+        climbs: the staircases that the path takes, in order.
+        levels: how many the scene has.
         facts_version: of this record.
     """
 
@@ -237,6 +265,8 @@ class PathFacts:
     room_ahead: str = ""
     views: tuple[ViewFact, ...] = ()
     camera: SightCamera | None = None
+    climbs: tuple[ClimbFact, ...] = ()
+    levels: int = 1
     facts_version: int = FACTS_VERSION
 
     @property
@@ -247,3 +277,11 @@ class PathFacts:
     def room_at(self, along_m: float) -> str:
         """Return the room at a place of the path, "" when unknown."""
         return next((v.room for v in self.visits if along_m <= v.to_m), self.goal_room)
+
+    def level_at(self, along_m: float) -> int:
+        """Return the level at a place of the path; a staircase belongs to the one it leads from."""
+        return next((c.to_level for c in self.climbs[::-1] if along_m >= c.to_m), self.level)
+
+    def on_stairs(self, along_m: float) -> bool:
+        """Return whether a place of the path is on a staircase."""
+        return any(climb.holds(along_m) for climb in self.climbs)

@@ -7,13 +7,21 @@ from typing import Any
 from ...formats.core.errors import InputError, UnknownNameError
 
 # What a claim says: the walker leaves or enters a room or is in it, goes through a door, turns,
-# passes, sees or reaches a thing, walks a distance, stops, or does not enter a room.
-KINDS = ("leave", "enter", "in", "door", "turn", "pass", "see", "reach", "walk", "stop", "avoid")
-WHAT = ("", "thing", "room", "door")
+# takes stairs, passes, sees or reaches a thing, walks a distance, stops, or does not enter a room
+# or take stairs.
+KINDS = (
+    "leave", "enter", "in", "door", "turn", "climb", "pass", "see", "reach", "walk", "stop",
+    "avoid",
+)  # fmt: skip
+WHAT = ("", "thing", "room", "door", "storey")
 SIDES = ("", "left", "right", "ahead", "behind", "around")
-# Where a stop is with respect to its target.
-PLACES = ("", "at", "before", "past", "inside", "outside", "doorway", "between")
+# Where a stop is with respect to its target; the last are on stairs.
+PLACES = (
+    "", "at", "before", "past", "inside", "outside", "doorway", "between", "top", "bottom",
+    "halfway",
+)  # fmt: skip
 DEGREES = ("", "slight", "sharp")
+UP_DOWN = ("", "up", "down")
 
 
 @dataclass(frozen=True)
@@ -32,8 +40,9 @@ class Claim:
         room: the room that the target stands in or that a door leads to.
         metres: of a walk [m].
         vague: a distance of a few steps or metres.
-        place: one of `PLACES`, of a stop.
+        place: one of `PLACES`, of a stop or on stairs.
         degree: one of `DEGREES`, of a turn.
+        way: one of `UP_DOWN`, of a climb.
     """
 
     kind: str
@@ -49,6 +58,7 @@ class Claim:
     vague: bool = False
     place: str = ""
     degree: str = ""
+    way: str = ""
 
     def __post_init__(self) -> None:
         for field, valid in _CLOSED.items():
@@ -62,7 +72,9 @@ class Claim:
         return " ".join(w for w in words if w)
 
 
-_CLOSED = {"kind": KINDS, "what": WHAT, "side": SIDES, "place": PLACES, "degree": DEGREES}
+_CLOSED = {
+    "kind": KINDS, "what": WHAT, "side": SIDES, "place": PLACES, "degree": DEGREES, "way": UP_DOWN,
+}  # fmt: skip
 _TYPES: dict[str, type] = {f.name: type(f.default) for f in fields(Claim)} | {"kind": str}
 
 

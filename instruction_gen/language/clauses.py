@@ -45,6 +45,8 @@ class Clause:
         prep: its last preposition.
         negated: it says what not to do.
         straight: it says `straight`.
+        way: `up` or `down`, where it says so.
+        place: where on stairs it is, see `claims.PLACES`.
         used: indices of the tokens that its claims cover.
         faults: what is wrong with its words.
     """
@@ -58,6 +60,8 @@ class Clause:
     prep: str = ""
     negated: bool = False
     straight: bool = False
+    way: str = ""
+    place: str = ""
     claims: list[Claim] = field(default_factory=list)
     used: set[int] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)

@@ -6,7 +6,7 @@ from .claims import Claim
 from .clauses import Clause
 from .tables import closed
 
-MOVES = frozenset("leave enter door turn pass reach walk".split())
+MOVES = frozenset("leave enter door turn climb pass reach walk".split())
 # The first sentence says where the walk ends, if one of these is in it: the first ones if the text
 # says to stop as well.
 _ANNOUNCE = closed("announces")
@@ -39,7 +39,8 @@ def arrange(clauses: list[Clause]) -> None:
 
 def _turned(claims: list[Claim]) -> list[Claim]:
     """Return the claims of a turn and what follows it, in the order of the walk."""
-    marks = [c for c in claims[1:] if c.kind in ("reach", "see") and c.what in ("thing", "door")]
+    marks = [c for c in claims[1:] if c.kind in ("reach", "see")
+             and (c.what in ("thing", "door") or c.name == "landing")]  # fmt: skip
     turn, *rest = [c for c in claims if c not in marks]
     if rest and rest[0].kind in ("enter", "door", "leave") and not rest[0].side \
             and turn.side in ("left", "right"):  # fmt: skip

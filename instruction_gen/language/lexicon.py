@@ -36,6 +36,12 @@ def _table(name: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
 
 OBJECTS = _table("objects")
 ROOMS = _table("rooms")
+# What people call storeys: `second floor` = `second level`.
+_FLOORS = ("floor", "level", "storey", "story")
+STOREYS = _table("storeys") | {
+    f"{nth} floor": (frozenset(f"{nth} {floor}" for floor in _FLOORS), frozenset())
+    for nth in rows_of("closed")["ordinals"][:10]
+}
 
 
 @lru_cache(maxsize=4096)
@@ -62,11 +68,14 @@ def _phrases(table: dict[str, tuple[frozenset[str], frozenset[str]]]) -> dict[st
 # Phrase → the canonical nouns or rooms that may be called so.
 OBJECT_PHRASES = _phrases(OBJECTS)
 ROOM_PHRASES = _phrases(ROOMS)
+STOREY_PHRASES = _phrases(STOREYS)
 
 
 def noun_kind(word: str) -> str:
-    """Return `thing`, `room` or `door` for a noun, "" for other words."""
+    """Return `thing`, `room`, `door` or `storey` for a noun, "" for other words."""
     forms = {word, singular(word)}
+    if word in STOREY_PHRASES:
+        return "storey"
     if forms & DOORS:
         return "door"
     if forms & ROOM_PHRASES.keys():

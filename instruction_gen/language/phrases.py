@@ -66,7 +66,12 @@ def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
     start = k
     while k < len(tokens) and noun_kind(tokens[k].text):
         bare = not names and start == first
-        if (tokens[k].text in _VERBLIKE and bare) or (tokens[k].text == "stands" and names):
+        storey = bool(names) and noun_kind(names[-1]) == "storey"  # "the upstairs hallway"
+        if (
+            (tokens[k].text in _VERBLIKE and bare)
+            or (tokens[k].text == "stands" and names)
+            or storey
+        ):
             break
         names.append(tokens[k].text)
         own = k + 1 < len(tokens) and tokens[k + 1].text == "'s"
@@ -99,7 +104,7 @@ def _named(
         after += 1
     if not room and after < len(tokens) and PREP_OF.get(tokens[after].text) in joined:
         owner, more, end = read_phrase(tokens, after + 1) or (Claim("see"), (), 0)
-        if owner.what == "room" and what != "room" and not owner.ordinal:
+        if owner.what == "room" and what in ("thing", "door") and not owner.ordinal:
             return replace(target, room=owner.name), (*used, *range(k, after + 1), *more), end
         if owner.what == "thing" and tokens[after].text == "of" and what != "room":
             return target, (*used, after, *more), end  # "a chair of the table"

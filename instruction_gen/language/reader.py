@@ -11,6 +11,7 @@ from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
 from .referring import counted_again, is_inside, marked, stop_at_it
 from .sides import listed_side, place
+from .stairs import is_stairs, look_for_stairs, on_stairs, unnamed_stairs
 from .targets import claim_of, forbidden, preposition, stop_at
 from .tokens import tokenize
 from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
@@ -63,6 +64,7 @@ class _Reader:
         self.sentence: list[Clause] = []  # the clauses before in the same sentence
         self.thing: Claim | None = None  # what `it` means
         self.door: Claim | None = None  # what `go in` means
+        self.stairs = False  # the text has spoken of stairs
         self.stopping = -1  # sentence of the stop
 
     def read(self, clause: Clause) -> None:
@@ -101,6 +103,7 @@ class _Reader:
     def _remember(self, clause: Clause | None) -> None:
         """Keep what `it` and `go in` mean after a clause."""
         for claim in clause.claims if clause else ():
+            self.stairs |= claim.kind == "climb" or claim.what == "storey" or is_stairs(claim)
             if claim.what == "thing":
                 self.thing = claim
             if claim.what in ("door", "room") and claim.kind in ("see", "reach", "pass", "in"):
@@ -136,6 +139,7 @@ class _Reader:
     def _claims(self, clause: Clause, stop: bool) -> None:
         """Read the claims of a clause from left to right."""
         tokens, claims = clause.tokens, clause.claims
+        look_for_stairs(clause)
         prep, side_next, k = clause.prep, "", 0
         while k < len(tokens):
             word = tokens[k].text
@@ -168,7 +172,9 @@ class _Reader:
                     target, side_next = replace(target, side=side_next), ""
                 at = stop and (clause.verb == "stop" or prep not in _WAYS)
                 claim = (stop_at if at else claim_of)(target, prep, clause)
-                if claim is not None:
+                if claim is not None and (target.what == "storey" or is_stairs(target)):
+                    claims += on_stairs(target, prep, clause, claim)
+                elif claim is not None:
                     last = claims[-1] if claims else claim
                     if last.what == "door" and claim.what == "room" and clause.says("is"):
                         # "The second door on the left is that of the bathroom."
@@ -187,7 +193,9 @@ class _Reader:
                         # "The door on the left into the kitchen" is that of the kitchen.
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
                     claims.append(claim)
-                k, prep = end, ""
+                # "Along the upstairs hallway".
+                joined = target.what == "storey" and end < len(tokens) and read_phrase(tokens, end)
+                k, prep = end, prep if joined else ""
             elif (owner := counted_again(clause, k, self.before)) is not None:
                 claims += owner
                 clause.used.add(k)
@@ -208,6 +216,7 @@ class _Reader:
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1
+        claims[:0] = unnamed_stairs(clause, self.stairs)
         if side_next:  # of nothing
             clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:

@@ -29,7 +29,8 @@ _ROWS = {
         ("at to in into", "", "reach", "reach"),
     ),
 }
-_ELSE = {"room": "see", "door": "reach", "thing": "see"}
+_ROWS |= {"storey": ()}
+_ELSE = {"room": "see", "door": "reach", "thing": "see", "storey": "in"}
 _PLACE = {
     "past": "past", "after": "past", "through": "past", "before": "before", "outside": "outside",
     "between": "between", "in": "inside", "into": "inside",
@@ -89,9 +90,10 @@ def stop_at(target: Claim, prep: str, clause: Clause) -> Claim:
 
 
 def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:
-    """Return what a negated clause says: rooms that are not entered."""
+    """Return what a negated clause says: rooms that are not entered, stairs that are not taken."""
     kinds = ("enter",) if clause.verb == "turn" else ("enter", "in", "leave", "stop", "door")
-    return [
+    climbs = [replace(c, kind="avoid") for c in claims if c.kind == "climb"]
+    return climbs + [
         Claim("avoid", "room", c.name)
         for c in claims
         if c.what == "room" and c.kind in kinds and c.name

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, singular
+from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, STOREY_PHRASES, singular
 from .spelling import closed_gap, respelt
 from .tables import closed
 from .words import LONGEST_PHRASE, NUMBERS, VERB_OF, phrases
@@ -90,7 +90,7 @@ def _parts(word: str, start: int, stop: int) -> list[Token]:
 
 
 def _is_noun(phrase: str) -> bool:
-    return phrase in OBJECT_PHRASES or phrase in ROOM_PHRASES
+    return any(phrase in table for table in (OBJECT_PHRASES, ROOM_PHRASES, STOREY_PHRASES))
 
 
 def _nouns(raw: list[Token]) -> list[Token]:
@@ -98,6 +98,8 @@ def _nouns(raw: list[Token]) -> list[Token]:
 
     def noun(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         exact = " ".join(words)
+        if exact in STOREY_PHRASES and _is_noun(f"{words[-1]} {after}"):
+            return None  # "the second floor lamp"
         phrase = " ".join([*words[:-1], singular(words[-1])])
         if len(words) == 2 and not (_is_noun(phrase) or _is_noun(exact)):
             whole = closed_gap(*words)

@@ -1,0 +1,70 @@
+"""What a text says of stairs: `up the stairs`, `at the top`, `halfway`, `upstairs`."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+from .claims import Claim
+from .clauses import Clause
+from .lexicon import OBJECT_PHRASES
+from .tables import closed
+from .words import PRONOUNS
+
+_UP, _DOWN, _CLIMBS, _TAKES, _BEGINS = (
+    closed(name) for name in ("up", "down", "climbs", "takes", "begins")
+)
+_PLACES = {word: place for place in ("top", "bottom", "halfway") for word in closed(place)}
+_ALONE = closed("stairs place")  # not `the head`
+_STOREY_WAYS = {"upstairs": "up", "downstairs": "down"}
+_LAST = PRONOUNS | frozenset(("again", "further", "on", "there", "first"))
+
+
+def is_stairs(target: Claim) -> bool:
+    """Return whether a target is stairs."""
+    return target.what == "thing" and "stairs" in OBJECT_PHRASES.get(target.name, ())
+
+
+def look_for_stairs(clause: Clause) -> None:
+    """Remember what a clause says of up and down, and of the place on stairs."""
+    words = [*(token.text for token in clause.tokens), ""]
+    for word, after in pairwise(words):
+        clause.way = "up" if word in _UP else "down" if word in _DOWN else clause.way
+        if word in _PLACES and (after == "of" or word in _ALONE):
+            clause.place = _PLACES[word]
+
+
+def on_stairs(target: Claim, prep: str, clause: Clause, claim: Claim) -> list[Claim]:
+    """Return what a clause claims of stairs or of a storey, `claim` being that of any target."""
+    if any(c.kind == "climb" for c in clause.claims) and target.what == "thing":
+        return []
+    goes = clause.verb in ("go", "turn", "")
+    if target.what == "storey":
+        way = clause.way or _STOREY_WAYS.get(target.name, "") * (clause.verb == "go" and not prep)
+        climbs = way and goes and not clause.says(*_BEGINS)
+        told = any(c.kind == "climb" for c in clause.claims)
+        return [*[Claim("climb", way=way)] * bool(climbs and not told), claim]
+    taken = not prep and (clause.says(*_TAKES) or (clause.way and goes))
+    if (prep == "along" and clause.way and (goes or clause.verb == "leave")) or taken:
+        place = "halfway" * (clause.place == "halfway")
+        return [replace(target, kind="climb", way=clause.way, place=place)]
+    kind = "reach" if clause.place and claim.kind == "see" else claim.kind
+    return [replace(claim, kind=kind, place=clause.place or claim.place)]
+
+
+def unnamed_stairs(clause: Clause, spoken: bool) -> list[Claim]:
+    """Return what a clause claims of stairs that it does not name: `go up`, `at the top`.
+
+    Args:
+        spoken: the text has spoken of stairs before.
+    """
+    words = [token.text for token in clause.tokens]
+    if clause.negated or any(c.kind == "climb" or is_stairs(c) for c in clause.claims):
+        return []
+    k = max((k for k, word in enumerate(words) if word in _UP | _DOWN), default=-1)
+    bare = spoken and clause.verb in ("go", "") and all(word in _LAST for word in words[k + 1 :])
+    if k >= 0 and (bare or clause.says(*_CLIMBS)):
+        return [Claim("climb", way=clause.way)]
+    alone = [w for w, after in pairwise([*words, ""]) if w in _ALONE and after != "of"]
+    if spoken and alone:
+        kind = "stop" if clause.verb == "stop" else "reach"
+        return [Claim(kind, "thing", "stairs", place=_PLACES[alone[-1]])]
+    return []
