@@ -1,9 +1,9 @@
 """The best placement of a text's claims along a path, and what it costs.
 
-A state is a place on the path and the number of its turns and climbs that are behind the walker. Each claim
-moves the walker on at a cost: of its target at the new place, of going back, of turns that it does
-not say. Dynamic programming finds the cheapest way through all claims. A text is refused where
-that costs too much; the dearest claims on it say why.
+A state is a place on the path and the number of its turns and climbs that are behind the walker.
+Each claim moves the walker on at a cost: of its target at the new place, of going back, of turns
+that it does not say. Dynamic programming finds the cheapest way through all claims. A text is
+refused where that costs too much; the dearest claims on it say why.
 """
 
 from collections.abc import Callable, Sequence
@@ -142,6 +142,8 @@ class Alignment:
     def _back(self, said: Said) -> float:
         """Return how far behind the walker the place of a claim may be [m]."""
         kind, last = said.claim.kind, said.last.kind
+        if kind == "climb" and (last == "climb" or said.last.what == "storey"):
+            return max((c.to_m - c.along_m for c in self.ground.facts.climbs), default=0.0)
         if kind in ("pass", "in", "reach") and said.claim.what != "door" and said.paced_m:
             return said.paced_m + 0.5  # on that stretch
         if kind == "pass" and last == "turn" and not said.apart:

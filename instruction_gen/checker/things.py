@@ -44,8 +44,8 @@ class Things:
         # What is behind at the start is beside nothing until the walker faces it or comes back.
         self._behind: Mask = behind & ~np.logical_or.accumulate(front, axis=1)
         rooms = [facts.room_at(along) for along in self.along_m]
-        own = [[mark.room in ("", room) or bool(mark.leads) for room in rooms]
-               for mark in facts.landmarks]  # fmt: skip
+        own = [[mark.room in ("", room) or bool(mark.leads) or mark.noun == "stairs"
+                for room in rooms] for mark in facts.landmarks]  # fmt: skip
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
         self.places = samples
 

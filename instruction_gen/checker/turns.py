@@ -18,7 +18,7 @@ _START_M, _START_DEG, _END_M = 0.3, 100.0, 0.9
 _BEFORE_DOOR_M, _NEAR_M = 2.6, 2.5
 _ONE_BEND_M, _TWICE_DEG, _TOO_SLIGHT, _TOLD_TWICE = 2.2, 95.0, 0.8, 0.3
 _SEE_M, _SEE_DEG = 8.0, 125.0
-_AT_LANDING_M = 0.5
+_AT_LANDING_M, _AT_STAIRS_M = 0.5, 1.2
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,12 @@ def unsaid(ground: Ground, said: Said) -> Costs:
             continue
         if ground.facts.on_stairs(turn.along_m):
             continue
+        if said.claim.kind == "climb" and _gets_on(ground, turn):
+            continue
         led = np.where(_led_around(ground, said, turn), _LED, 1.0)
+        off_m = [turn.along_m - climb.to_m for climb in ground.facts.climbs]
+        if said.claim.kind != "climb" and any(0.0 <= m <= _AT_STAIRS_M for m in off_m):
+            led = np.where(ground.along_m > turn.along_m, _LED, led)  # where one gets off them
         contrary = _contradicted(ground, said, turn)
         result[j] = np.where(contrary, ramp(abs(turn.angle_deg), *_CONTRARY_DEG), cost * led)
     return result
@@ -75,12 +80,17 @@ def left_out(
     if isinstance(turn, ClimbFact):
         return NEVER
     if ground.facts.on_stairs(turn.along_m):
-        return 0.0  # the stairs lead around
+        return 0.0  # they lead around
     length_m = ground.length_m if ends else np.inf
     start = turn.along_m < _START_M and abs(turn.angle_deg) < _START_DEG
     edge = start or turn.along_m > length_m - _END_M
     cost = ramp(abs(turn.angle_deg), *(_STRAIGHT_DEG if straight else _UNSAID_DEG))
     return float(cost) * (_AT_EDGE if edge else 1.0)
+
+
+def _gets_on(ground: Ground, turn: TurnFact) -> bool:
+    """Return whether a turn is right before stairs."""
+    return any(0.0 <= c.along_m - turn.along_m <= _AT_STAIRS_M for c in ground.facts.climbs)
 
 
 def _contradicted(ground: Ground, said: Said, turn: TurnFact) -> Mask:
@@ -101,8 +111,7 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     if said.straight and claim.side not in ("left", "right"):
         return led
     if claim.kind == "climb":
-        feet = (climb.along_m - turn.along_m for climb in ground.facts.climbs)
-        return led | any(0.0 <= foot_m <= _BEFORE_DOOR_M for foot_m in feet)
+        return led | any(turn.along_m <= climb.along_m for climb in ground.facts.climbs)
     if claim.kind in ("door", "enter", "leave"):
         if claim.side == turn.side:
             return np.abs(onward) <= _BEFORE_DOOR_M
@@ -166,6 +175,8 @@ def no_turn(ground: Ground, said: Said, count: int) -> Costs:
     along, claim, turns = ground.along_m, said.claim, ground.facts.turns
     last = events_of(ground)[count - 1] if count else None
     cost = np.full(len(along), 0.75 * WRONG)
+    if said.on_landing and ground.facts.climbs:
+        return cost
     if isinstance(last, TurnFact) and last.side == claim.side and abs(last.angle_deg) >= _TWICE_DEG:
         cost = np.maximum(ramp(np.abs(along - last.along_m), 2.0, 3.0), _TOLD_TWICE)
     if claim.degree == "slight":

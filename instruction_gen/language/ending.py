@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
+from .stairs import is_stairs
 from .tables import closed
 
 MOVES = frozenset("leave enter door turn climb pass reach walk".split())
@@ -40,7 +41,8 @@ def arrange(clauses: list[Clause]) -> None:
 def _turned(claims: list[Claim]) -> list[Claim]:
     """Return the claims of a turn and what follows it, in the order of the walk."""
     marks = [c for c in claims[1:] if c.kind in ("reach", "see")
-             and (c.what in ("thing", "door") or c.name == "landing")]  # fmt: skip
+             and (c.what in ("thing", "door") or c.name == "landing")
+             and (c.place or not is_stairs(c))]  # fmt: skip
     turn, *rest = [c for c in claims if c not in marks]
     if rest and rest[0].kind in ("enter", "door", "leave") and not rest[0].side \
             and turn.side in ("left", "right"):  # fmt: skip

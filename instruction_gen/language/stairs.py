@@ -42,7 +42,9 @@ def on_stairs(target: Claim, prep: str, clause: Clause, claim: Claim) -> list[Cl
         climbs = way and goes and not clause.says(*_BEGINS)
         told = any(c.kind == "climb" for c in clause.claims)
         return [*[Claim("climb", way=way)] * bool(climbs and not told), claim]
-    taken = not prep and (clause.says(*_TAKES) or (clause.way and goes))
+    words = [token.text for token in clause.tokens]
+    to_take = prep == "to" and any(a == "to" and b in _TAKES for a, b in pairwise(words))
+    taken = to_take or (not prep and (clause.says(*_TAKES) or (clause.way and goes)))
     if (prep == "along" and clause.way and (goes or clause.verb == "leave")) or taken:
         place = "halfway" * (clause.place == "halfway")
         return [replace(target, kind="climb", way=clause.way, place=place)]
