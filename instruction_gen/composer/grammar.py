@@ -195,6 +195,11 @@ def _claim(form: Sequence[str], event: Event) -> Claim:
             said["ordinal"] = event.ordinal
         elif word == "vague":
             said["vague"] = True
+        elif word in ("stairs", "landing", "u"):
+            what = {"stairs": "thing", "landing": "room", "u": "storey"}[word]
+            said |= {"what": what, "name": str(value or word)}
+        elif word in "we":
+            said["way" if word == "w" else "place"] = str(value)
         elif word == "n":
             said["metres"] = float(max(1, round(event.far_m)))
         else:

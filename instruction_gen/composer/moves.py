@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..facts.records import PassageFact, PathFacts, TurnFact
+from ..facts.records import ClimbFact, PassageFact, PathFacts, TurnFact
 
 TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
@@ -13,15 +13,16 @@ _ONE_BEND_M = 1.6
 _WEAVING_M = 2.0
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
 _TURN_AFTER_DOOR_M = 1.7
+_TO_STAIRS_M = 1.2  # a turn so shortly before stairs leads to them
 
 
 @dataclass(frozen=True)
 class Move:
-    """A turn, a step into another room, or both in one.
+    """A turn, a step into another room or a way over stairs, or a turn and one of these.
 
     Attributes:
         along_m: where it begins [m].
-        turn, passage: of the facts.
+        turn, passage, climb: of the facts.
         turn_first: the turn leads into the room.
     """
 
@@ -29,12 +30,13 @@ class Move:
     turn: TurnFact | None = None
     passage: PassageFact | None = None
     turn_first: bool = False
+    climb: ClimbFact | None = None
 
 
 def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
     """Return the turns worth mentioning; small ones that undo each other are weaving."""
     result = []
-    for turn in _one_bend(facts.turns):
+    for turn in _one_bend([t for t in facts.turns if not facts.on_stairs(t.along_m)]):
         size = abs(turn.angle_deg)
         if facts.length_m - turn.along_m < 0.7:
             continue
@@ -90,8 +92,14 @@ def moves(facts: PathFacts) -> list[Move]:
     """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
     result: list[Move] = []
     # One hallway that widens is one room to who walks through it.
-    passages = [p for p in facts.passages if p.doorway or p.from_room != p.to_room]
+    passages = [p for p in facts.doors if p.doorway or p.from_room != p.to_room]
     turns = mentioned_turns(facts)
+    for climb in facts.climbs:
+        near = (t for t in turns if 0.0 <= climb.along_m - t.along_m <= _TO_STAIRS_M)
+        turn = next(near, None)
+        if turn is not None:
+            turns.remove(turn)
+        result.append(Move(turn.along_m if turn else climb.along_m, turn, climb=climb))
     for n, turn in enumerate(turns):
         low, high = (turn.along_m + gap for gap in _DOOR_AFTER_TURN_M)
         if n + 1 < len(turns):  # the doorway belongs to the turn that is nearer to it

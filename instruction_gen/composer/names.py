@@ -29,7 +29,7 @@ class Names:
         self.called = {} if called is None else called
         self.names: set[str] = set()
         self.homed = False  # whether the text says in which room it starts
-        self.nouns: set[str] = set()
+        self.nouns = {"stairs"} if facts.climbs else set[str]()
         self._about = {m.noun for m in facts.landmarks}
         self._noticed = [
             m for m in facts.landmarks
@@ -45,7 +45,9 @@ class Names:
     def entered(self, passage: PassageFact) -> str:
         """Return the room entered, told from one of the same kind that is left."""
         room = self.name(passage.to_room)
-        before = [v for v in self.facts.visits if v.from_m < passage.along_m - 0.1]
+        upto_m = passage.along_m - 0.1
+        storey_m = max((c.to_m for c in self.facts.climbs if c.to_m <= upto_m), default=0.0)
+        before = [v for v in self.facts.visits if storey_m <= v.from_m < upto_m]
         if not room or passage.to_room not in [v.room for v in before]:
             return room
         twins = max(v.twins for v in before if v.room == passage.to_room)

@@ -16,6 +16,7 @@ class Event:
         B, C: rooms that are entered, or C another one.
         X, Y: things.
         s, t: sides.
+        w: `up` or `down` stairs.
         far_m: how far to walk [m].
         ordinal: of a doorway on its side.
         bent: the way that is told has a bend of its own.
@@ -31,10 +32,26 @@ class Event:
     Y: Reference | None = None
     s: str = ""
     t: str = ""
+    w: str = ""
     far_m: float = 0.0
     ordinal: int = 0
     bent: bool = False
     to_m: float = 0.0
+
+    @property
+    def v(self) -> str:
+        """What one does who takes stairs."""
+        return {"up": "climb", "down": "descend"}.get(self.w, "")
+
+    @property
+    def u(self) -> str:
+        """The storey that stairs lead to."""
+        return f"{self.w}stairs"
+
+    @property
+    def e(self) -> str:
+        """The end of stairs that they lead to."""
+        return {"up": "top", "down": "bottom"}.get(self.w, "")
 
     @property
     def done_m(self) -> float:

@@ -15,6 +15,7 @@ from ..facts.records import (
     VisitFact,
     manoeuvre_deg,
 )
+from .climbs import climb_event, off_stairs
 from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
@@ -47,7 +48,7 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     todo = moves(facts)
     if taste.voice == "terse":
         todo = [_brief(m, after, facts, names.rng) for m, after in pairwise([*todo, None]) if m]
-        todo = [m for m in todo if m.passage or not m.turn or _tells(m.turn)]
+        todo = [m for m in todo if m.passage or m.climb or not m.turn or _tells(m.turn)]
     while todo:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
@@ -61,8 +62,9 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             todo = todo[1:]
         else:
             gap = move.along_m - (result[-1].done_m if result else 0.0)
-            tell = _turn if move.passage is None else _passage
+            tell = climb_event if move.climb else _turn if move.passage is None else _passage
             result.append(tell(move, gap, facts, names, taste))
+    result = [off_stairs(event, facts) for event in result]
     return [_again(event, before) for before, event in pairwise([None, *result]) if event]
 
 
@@ -151,6 +153,8 @@ def _through(move: Move, after: Move | None, names: Names) -> Event | None:
 def _joined(move: Move, after: Move | None) -> Event | None:
     """Return two turns as one manoeuvre."""
     if after is None or move.passage or after.passage or not (move.turn and after.turn):
+        return None
+    if move.climb or after.climb:
         return None
     near = after.along_m - move.along_m <= _ONE_MOVE_M
     sizes = (abs(move.turn.angle_deg), abs(after.turn.angle_deg))

@@ -16,6 +16,7 @@ _PAST_M, _BEHIND_DEG = 1.2, 100.0
 _IN_DOORWAY_M = 0.5
 _BESIDE_M = 1.1
 _COMES_M = 1.0
+_AT_STAIRS_M = 0.8
 
 
 def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -38,6 +39,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
     if mark is not None:
         return _at(mark, facts, names, taste)
+    climb = facts.climbs[-1] if facts.climbs else None
+    if climb and length - climb.to_m <= _AT_STAIRS_M:
+        return Event("stop_stairs", length, w="up" if climb.up else "down")
     since_door_m = _since_door_m(facts)
     if since_door_m <= _JUST_INSIDE_M:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))
@@ -64,7 +68,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
 
 def _since_door_m(facts: PathFacts) -> float:
     """Return how far the path goes on behind its last doorway [m]."""
-    return facts.length_m - facts.passages[-1].along_m if facts.passages else np.inf
+    storey_m = max((climb.to_m for climb in facts.climbs), default=-np.inf)
+    last = facts.doors[-1].along_m if facts.doors else -np.inf
+    return facts.length_m - last if last > storey_m else np.inf
 
 
 def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event:

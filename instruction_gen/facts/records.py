@@ -274,6 +274,12 @@ class PathFacts:
         """Where the path stops, "" when unknown."""
         return self.visits[-1].room if self.visits else ""
 
+    @property
+    def doors(self) -> list[PassageFact]:
+        """The room changes that are no way over stairs."""
+        heads = [climb.to_m for climb in self.climbs]
+        return [passage for passage in self.passages if passage.along_m not in heads]
+
     def room_at(self, along_m: float) -> str:
         """Return the room at a place of the path, "" when unknown."""
         return next((v.room for v in self.visits if along_m <= v.to_m), self.goal_room)
