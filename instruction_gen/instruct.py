@@ -68,26 +68,37 @@ class Levels:
         self._scenes, self._named = scenes, named or {}
         self._open: dict[tuple[str, int], LevelFacts] = {}
 
-    def of(self, episode: Episode) -> LevelFacts:
-        """Return the level an episode lies on.
+    def facts(self, episode: Episode, visibility: Visibility | None = None) -> PathFacts:
+        """Return the facts of an episode's path; `visibility` as for `path_facts`.
+
+        Raises:
+            FileFormatError: its scene is missing.
+            InputError: the scene has no such level or staircase.
+        """
+        first, *beyond = (self.of(episode, level) for level in episode.levels)
+        return path_facts(episode, first, visibility, beyond)
+
+    def of(self, episode: Episode, level: int | None = None) -> LevelFacts:
+        """Return a level of an episode's scene, by default the one that it starts on.
 
         Raises:
             FileFormatError: its scene is missing.
             InputError: the scene has no such level.
         """
         scene = scene_stem(episode.scene_id)
-        key = (scene, episode.level)
+        level = episode.level if level is None else level
+        key = (scene, level)
         if key not in self._open:
             bundle = load_bundle(self._scenes / scene)
             more = self._named.get(scene, Named())
             if more.objects:
                 bundle = replace(bundle, objects=(*bundle.objects, *more.objects))
-            if not 0 <= episode.level < len(bundle.level_floor_z_m):
+            if not 0 <= level < len(bundle.level_floor_z_m):
                 raise InputError(
-                    f"episode {episode.episode_id} is on level {episode.level} of {scene}; "
+                    f"episode {episode.episode_id} is on level {level} of {scene}; "
                     f"valid: 0 … {len(bundle.level_floor_z_m) - 1}"
                 )
-            self._open[key] = LevelFacts.of(bundle, episode.level, named=more.rooms)
+            self._open[key] = LevelFacts.of(bundle, level, named=more.rooms)
         return self._open[key]
 
     def unnamed(self) -> dict[str, int]:
@@ -140,7 +151,8 @@ def instruct_episodes(
     asked = [e for e in episodes if config.replace or not e.instruction]
     paths: dict[str, Episode] = {}
     for episode in asked:
-        levels.of(episode)  # a missing scene is told before anything is written
+        for level in episode.levels:  # a missing scene is told before anything is written
+            levels.of(episode, level)
         paths.setdefault(f"{episode.scene_id}/{episode.trajectory_id}", episode)
 
     def describe(path: str, facts: PathFacts) -> Written:
@@ -159,7 +171,7 @@ def instruct_episodes(
     with ThreadPoolExecutor(workers) as pool:
         for names in batched(paths, 4 * workers):
             some = [paths[name] for name in names]
-            every = [path_facts(e, levels.of(e), visibility) for e in some]
+            every = [levels.facts(e, visibility) for e in some]
             for facts in every:
                 if keep is not None:
                     keep(facts)

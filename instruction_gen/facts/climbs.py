@@ -7,6 +7,7 @@ import numpy as np
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import arc_length, point_along
 from ...formats.scene.staircase import Staircase
+from ...wayfinding.legs import line_between
 from .geometry import Array, Track
 from .records import ClimbFact
 
@@ -23,18 +24,17 @@ def climbs_of(
     path = episode.reference_path_world_m
     at = arc_length(path[:, :2])
     points = np.stack([np.interp(along, at, path[:, k]) for k in range(3)], axis=1)
-    level, result = episode.level, []
-    for number in episode.extra.get("staircases", ()):
-        stairs = staircases[number]
-        up = level == stairs.levels[0]
-        line = stairs.line_world_m[1:-1][:: 1 if up else -1]
+    result = []
+    for number, (before, level) in zip(episode.staircases, pairwise(episode.levels), strict=True):
+        line = line_between(staircases[number], before, level)[1:-1]
         off = np.linalg.norm(points[:, None] - line, axis=-1)
         corners = [round(float(along[k]), 2) for k in off.argmin(axis=0)]
-        level = stairs.levels[int(up)]
         flat = np.abs(np.diff(line[:, 2])) < _FLAT_M
         bearing_deg = track.bearing_deg(corners[0] - BEFORE_M, line[0, :2])
         landings = _landings(corners, flat.tolist())
-        result.append(ClimbFact(corners[0], corners[-1], level, up, bearing_deg, landings))
+        result.append(
+            ClimbFact(corners[0], corners[-1], level, level > before, bearing_deg, landings)
+        )
     return tuple(result)
 
 

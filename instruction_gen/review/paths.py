@@ -15,7 +15,7 @@ from ...formats.vlnce.groups import group_by_path, ungroup
 from ...wayfinding.regions import RegionMap
 from ..checker import Ground, Verdict, check_text
 from ..checker.form import script_problems
-from ..facts import LevelFacts, path_facts
+from ..facts import LevelFacts
 from ..facts.named import Named
 from ..facts.records import PathFacts
 from ..instruct import Levels
@@ -62,9 +62,7 @@ class Review:
     def ground(self, name: str) -> Ground:
         """Return the facts of a path."""
         if name not in self._grounds:
-            episode = self.paths[name]
-            level = self._levels.of(episode)
-            self._grounds[name] = Ground(path_facts(episode, level, self._seen))
+            self._grounds[name] = Ground(self._levels.facts(self.paths[name], self._seen))
         return self._grounds[name]
 
     def path(self, name: str, annotator: str) -> dict[str, Any]:

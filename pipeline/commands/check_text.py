@@ -9,7 +9,6 @@ from typing import Any
 from ...formats.core.errors import FileFormatError, InputError, UnknownNameError, brief
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.checker import Ground, Verdict, check_text
-from ...instruction_gen.facts import path_facts
 from ...instruction_gen.facts.named import read_named
 from ...instruction_gen.instruct import Levels
 from ...instruction_gen.language.claims import Step, read_steps
@@ -52,8 +51,7 @@ def run(options: CheckText) -> int:
     result: list[dict[str, Any]] = []
     for _, path, text, steps in texts:
         if path not in grounds:
-            episode = episodes[path]
-            grounds[path] = Ground(path_facts(episode, levels.of(episode), seen))
+            grounds[path] = Ground(levels.facts(episodes[path], seen))
         verdict = check_text(text, grounds[path], steps)
         result.append(record(path, text, verdict))
         if not options.json:

@@ -11,7 +11,6 @@ from ...formats.core.atomic import write_bytes
 from ...formats.core.episode import Episode
 from ...formats.core.errors import InputError
 from ...formats.vlnce.files import read_episodes, scene_stem, write_episodes
-from ...instruction_gen.facts import path_facts
 from ...instruction_gen.instruct import Levels
 from ...instruction_gen.llm.settings import CACHE_NAME
 from ...instruction_gen.show import show_path
@@ -173,6 +172,5 @@ def _show(episodes: Sequence[Episode], job: InstructJob) -> None:
     """Print the map and the texts of episodes."""
     levels, sight = Levels(job.scenes), read_sights(job.seen)
     for episode in episodes:
-        level = levels.of(episode)
-        facts = path_facts(episode, level, sight)
-        sys.stdout.write(show_path(episode, facts, level) + "\n\n")
+        facts = levels.facts(episode, sight)
+        sys.stdout.write(show_path(episode, facts, levels.of(episode)) + "\n\n")
