@@ -10,6 +10,7 @@ from PIL import Image, ImageDraw
 
 from ..formats.core.atomic import write_bytes
 from ..formats.core.episode import Episode
+from ..formats.core.geometry import resample
 from ..formats.core.images import image_file
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
@@ -23,10 +24,11 @@ _OVERSAMPLED = 2  # lines are drawn larger and scaled down, which smooths them
 _GOLDEN = 0.618034  # steps of hue that keep any number of neighbours apart
 
 
-def draw_paths(freemap: Freemap, episodes: Sequence[Episode]) -> Image.Image:
-    """Return the reference paths of one level over its planning map, north (+y) up.
+def draw_paths(freemap: Freemap, episodes: Sequence[Episode], level: int) -> Image.Image:
+    """Return the reference paths on one level over its planning map, north (+y) up.
 
-    Every path has a colour of its own; starts are green and goals blue.
+    Every path has a colour of its own; starts are green and goals blue. Of a path over storeys, the
+    part on the level is drawn, with half of the stairs.
     """
     grid = freemap.grid
     cells = np.full((*grid.shape, 3), _NO_FLOOR, dtype=np.uint8)
@@ -45,23 +47,28 @@ def draw_paths(freemap: Freemap, episodes: Sequence[Episode]) -> Image.Image:
 
     width, radius = max(1, round(0.04 * scale)), 0.07 * scale
     for number, episode in enumerate(episodes):
-        color = _hue(number)
-        pen.line(pixels(episode.reference_path_world_m), fill=color, width=width, joint="curve")
+        path = episode.reference_path_world_m
+        if episode.staircases:
+            path = resample(path, 1.0 / px_per_m)
+            path = path[episode.levels_along(path) == level]
+        pen.line(pixels(path), fill=_hue(number), width=width, joint="curve")
     for episode in episodes:
         ends = pixels(episode.reference_path_world_m[[0, -1]])
-        for (x, y), color in zip(ends, (_START, _GOAL), strict=True):
-            pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
+        on = episode.levels[0], episode.levels[-1]
+        for (x, y), color, own in zip(ends, (_START, _GOAL), on, strict=True):
+            if own == level:
+                pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=color)
     return image.resize([n // _OVERSAMPLED for n in size], Image.Resampling.LANCZOS)
 
 
 def write_pictures(folder: Path, bundle: SceneBundle, episodes: Sequence[Episode]) -> list[Path]:
     """Write `<scene>-<level>.png` for every level that has episodes; return the files."""
     written = []
-    for level in sorted({episode.level for episode in episodes}):
-        here = [episode for episode in episodes if episode.level == level]
+    for level in sorted({level for episode in episodes for level in episode.levels}):
+        here = [episode for episode in episodes if level in episode.levels]
         freemap = bundle.freemap(level).for_height(here[0].free_height_m)
         path = folder / f"{bundle.scene_id}-{level}.png"
-        write_bytes(path, image_file(draw_paths(freemap, here), "PNG"))
+        write_bytes(path, image_file(draw_paths(freemap, here, level), "PNG"))
         written.append(path)
     return written
 

@@ -49,7 +49,7 @@ class RunBrowser:
         with tabs.add_tab("Walk"):
             self._pick = gui.add_dropdown("Walk", [e.name for e in self.entries])
             self._pick.on_update(self._on_pick)
-            self.player = Player(server, self.next)
+            self.player = Player(server, self.next, self._on_level)
             self._flag = gui.add_checkbox("Flagged", False, hint="export --without-flagged")
             self._note = gui.add_text("Note", "")
             self._flag.on_update(self._on_flag)
@@ -127,8 +127,6 @@ class RunBrowser:
             copy = add_scene(self.server.scene, bundle, "/beside/scene", self._detail)
             self._nodes.append(copy)
         walk = entry.load()
-        self._level = walk.rollout.episode.level
-        self._show_level(self._ceiling.value)
         alike = [e.name for e in self.entries if e.path == entry.path and e is not entry]
         self._ghost.options = (NOTHING, *alike)
         if not others:
@@ -138,6 +136,10 @@ class RunBrowser:
         self._note.value = self._flagged.get(entry.name, "")
         self._table.content = table_html(self._shown, self._flagged, entry.name)
         self.player.show(walk, [other.load() for other in others], apart_m)
+
+    def _on_level(self, level: int) -> None:
+        self._level = level
+        self._show_level(self._ceiling.value)
 
     def _show_level(self, ceiling: bool) -> None:
         for nodes in self._nodes:

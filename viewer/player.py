@@ -29,12 +29,18 @@ SPEEDS = ("0.25×", "0.5×", "1×", "2×", "4×")
 class Player:
     """One walk on a server, with the controls of its time."""
 
-    def __init__(self, server: viser.ViserServer, on_next: Callable[[int], None] | None = None):
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        on_next: Callable[[int], None] | None = None,
+        on_level: Callable[[int], None] | None = None,
+    ):
         """Add the controls to the current container of the server's panel.
 
         Args:
             server: Where to.
             on_next: Called with +1 or −1 for the next or previous walk.
+            on_level: Called with the level that the robot is on, when it changes.
         """
         self.server = server
         self.walk: Walk | None = None
@@ -44,6 +50,7 @@ class Player:
         self._nodes: list[Any] = []
         self._robots: list[tuple[Walk, RobotNodes]] = []
         self._part, self._shot, self._said = -1, -1, 0
+        self._level, self._on_level = -1, on_level
         self._add_controls(on_next)
         threading.Thread(target=self._tick, daemon=True).start()
 
@@ -100,7 +107,7 @@ class Player:
             for node in (*(robot for _, robot in self._robots), *self._nodes):
                 node.remove()
             self.walk, self.sample = walk, 0
-            self._part, self._shot, self._said = -1, -1, 0
+            self._part, self._shot, self._said, self._level = -1, -1, 0, -1
             self._robots = [(walk, RobotNodes(self.server, walk.model, "/robot"))]
             self._nodes = add_marks(self.server.scene, "/path", walk)
             for k, other in enumerate(others):
@@ -224,6 +231,9 @@ class Player:
             self._show_feet(walk)
             self._show_shot(walk)
             self._show_words(walk)
+            if self._on_level and walk.levels[self.sample] != self._level:
+                self._level = int(walk.levels[self.sample])
+                self._on_level(self._level)
             if not self.playing or abs(self.sample - self._said) >= SAID:
                 self._say(walk)
             if self._follow:

@@ -84,6 +84,11 @@ class Walk:
         return position, rotation, feet
 
     @cached_property
+    def levels(self) -> I64:
+        """The level (T,) that the robot is on."""
+        return self.rollout.episode.levels_along(self.rollout.position_world_m)
+
+    @cached_property
     def parts(self) -> tuple[list[str], list[float]]:
         """The parts of the instruction and the time [s] since which each is followed."""
         words, since_s = subtasks(self.rollout, np.arange(len(self)))

@@ -3,8 +3,10 @@
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from ..scene import FULL_HEIGHT_M
-from .arrays import Array
+from .arrays import I64, Array
 from .geometry import path_length
 
 
@@ -58,6 +60,15 @@ class Episode:
     def levels(self) -> tuple[int, ...]:
         """Return the levels that the path takes, in order."""
         return tuple(self.extra.get("levels", (self.level,)))
+
+    def levels_along(self, track_m: Array) -> I64:
+        """Return the level (N,) of each point of a track (N, 3) [m] that begins over the start.
+
+        A staircase is divided at half its height.
+        """
+        rise_m = self.goal_position_world_m[2] - self.start_position_world_m[2]
+        above_m = (track_m[:, 2] - track_m[0, 2]) * np.sign(rise_m)
+        return np.where(above_m > 0.5 * abs(rise_m), self.levels[-1], self.levels[0])
 
     @property
     def reference_length_m(self) -> float:

@@ -3,7 +3,7 @@
 import itertools
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
-from ...formats.core.geometry import distances_to_path
+from ...formats.core.geometry import distances_to_path, resample
 from ...formats.mcap.rollout import read_rollout
 from ..engine.ledger import Row
 from .pictures import jpeg_uri
@@ -22,6 +22,7 @@ BAD = "#d1332b"
 # Distinguishable with every colour vision, on wood and on carpet (after Okabe and Ito, 2008).
 COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
+REFERENCE_STEP_M = 0.25  # so finely the reference path is divided between levels
 CONTACT = "contact"  # kind of the event at which a part begins to touch an obstacle
 MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
 ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
@@ -29,7 +30,7 @@ ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
 @dataclass(frozen=True)
 class Track:
-    """Positions (N, 2) world [m] of a robot, and how it ended; `path` is its `path_name`.
+    """Positions (N, 3) world [m] of a robot's base, and how it ended; `path` is its `path_name`.
 
     `touching` says which of its parts touched an obstacle, and when.
     """
@@ -38,7 +39,7 @@ class Track:
     episode: Episode
     scene: str
     robot: str
-    xy_m: NDArray[np.float64]
+    base_m: NDArray[np.float64]
     end_reason: str
     touching: str = ""
 
@@ -46,7 +47,7 @@ class Track:
     def off_path_m(self) -> float:
         """Return the largest distance of the robot from the reference path [m]."""
         path = self.episode.reference_path_world_m[:, :2]
-        return float(distances_to_path(self.xy_m, path).max())
+        return float(distances_to_path(self.base_m[:, :2], path).max())
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,7 @@ class ScenePaths:
         for row in rows:
             rollout, path = read_rollout(root / row.outputs[0]), path_name(row)
             episodes[path] = rollout.episode
-            xy_m = rollout.position_world_m[::TRACK_STEP, :2]
+            base_m = rollout.position_world_m[::TRACK_STEP]
             where = (str(row.facts["scene"]), rollout.robot)
             touches: dict[str, list[str]] = {}
             for event in rollout.events:
@@ -76,7 +77,7 @@ class ScenePaths:
                     touches.setdefault(event.detail, []).append(f"{event.time_s:.1f}")
             touching = ", ".join(f"{part} {', '.join(at)} s" for part, at in touches.items())
             end = str(rollout.end_reason)
-            tracks.append(Track(path, rollout.episode, *where, xy_m, end, touching))
+            tracks.append(Track(path, rollout.episode, *where, base_m, end, touching))
         return ScenePaths(episodes, tuple(tracks))
 
 
@@ -103,7 +104,8 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     def pixels(points_m: NDArray[np.float64]) -> NDArray[np.float64]:
         return (points_m[..., :2] - origin_m) * (scale, -scale)
 
-    tracks = [t for t in paths.tracks if t.scene == scene and t.episode.level == int(level)]
+    here = int(level)
+    tracks = [t for t in paths.tracks if t.scene == scene and here in t.episode.levels]
     tracks.sort(key=lambda track: track.robot)
     by_path = {track.path: track.episode for track in tracks}
     robots, several = paths.robots, len(paths.robots) > 1
@@ -113,19 +115,23 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     for track in tracks:
         number = list(robots).index(track.robot)
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
-        walked = pixels(track.xy_m)
+        walked, on = pixels(track.base_m), track.episode.levels_along(track.base_m) == here
         # Where robots walk the same way, the later one's thinner line leaves the others visible.
         own = 1.6 * width * (1.0 - number / len(robots))
         color = colors[track.robot if several else track.path]
-        lines.append({**_line(walked, color, own, title), "robot": number})
-        if track.end_reason != "success":
+        for part in _parts(walked, on):
+            lines.append({**_line(part, color, own, title), "robot": number})
+        if track.end_reason != "success" and on[-1]:
             x, y = walked[-1].round(1).tolist()
             size = round(1.6 * width, 1)
             crosses.append({"x": x, "y": y, "r": size, "title": title, "robot": number})
     for episode in by_path.values():
         title = f"reference of {episode.episode_id}"
-        reference = pixels(episode.reference_path_world_m)
-        lines.append({**_line(reference, REFERENCE, 0.4 * width, title), "dashed": True})
+        reference = episode.reference_path_world_m
+        if episode.staircases:
+            reference = resample(reference, REFERENCE_STEP_M)
+        for part in _parts(pixels(reference), episode.levels_along(reference) == here):
+            lines.append({**_line(part, REFERENCE, 0.4 * width, title), "dashed": True})
     labelled = len(by_path) <= MOST_LABELS
     dots = []
     for path, episode in by_path.items():
@@ -133,10 +139,12 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         label = digits[0].lstrip("0")[-3:] or "0" if digits else ""
         radius = (2.2 if label else 1.4) * width
         rim = REFERENCE if several else colors[path]
-        for point_m, fill, end in (
-            (episode.start_position_world_m, START, "start"),
-            (episode.goal_position_world_m, GOAL, "goal"),
+        for point_m, fill, end, on in (
+            (episode.start_position_world_m, START, "start", episode.levels[0]),
+            (episode.goal_position_world_m, GOAL, "goal", episode.levels[-1]),
         ):
+            if on != here:
+                continue
             place = pixels(np.asarray(point_m))
             x, y = _free_place(place, radius, dots) if label else place
             dots.append(
@@ -163,6 +171,13 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         "crosses": crosses,
         "cross_color": BAD,
     }
+
+
+def _parts(points: NDArray[np.float64], on: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:
+    """Yield the parts of a line (N, 2) whose points are `on` (N,) the map."""
+    for part in np.split(np.arange(len(on)), np.flatnonzero(np.diff(on)) + 1):
+        if on[part[0]]:
+            yield points[part]
 
 
 def _colored(names: Sequence[str]) -> dict[str, str]:

@@ -13,6 +13,7 @@ from PIL import Image
 
 from tests.formats.vlnce.test_groups import R2R, episode
 from tests.support.episodes import episode_along
+from vlnpe.formats.core.geometry import resample
 from vlnpe.formats.vlnce.groups import group_by_path
 from vlnpe.pipeline.report.dataset import dataset_plots, dataset_rows
 from vlnpe.pipeline.report.maps import ScenePaths, Track, map_figure
@@ -84,7 +85,7 @@ def test_the_map_tells_paths_or_robots_apart_and_no_marker_covers_another(tmp_pa
     # All paths have one start and one goal.
     episodes = {f"p{k}@0": episode_along([(0, 0), (3, 1)], f"p{k}", scene="home") for k in range(4)}
     tracks = tuple(
-        Track(path, e, "home", robot, e.reference_path_world_m[:, :2], "success")
+        Track(path, e, "home", robot, e.reference_path_world_m, "success")
         for robot in robots
         for path, e in episodes.items()
     )
@@ -95,3 +96,33 @@ def test_the_map_tells_paths_or_robots_apart_and_no_marker_covers_another(tmp_pa
     assert len(dots) == 2 * len(episodes) and all(dot["label"] for dot in dots)
     for a, b in combinations(dots, 2):
         assert np.hypot(a["x"] - b["x"], a["y"] - b["y"]) > a["r"] + b["r"]
+
+
+def test_a_path_over_storeys_is_on_the_maps_of_both(tmp_path):
+    Image.new("RGB", (200, 200)).save(tmp_path / "map.png")
+    place = {"left_m": 0.0, "top_m": 5.0, "px_per_m": 20.0, "width": 200, "height": 200}
+    (tmp_path / "map.json").write_text(json.dumps(place))
+    up = np.array([[1.0, 1, 0], [4, 1, 0], [7, 1, 2.8], [9, 1, 2.8]])
+    flat = episode_along([(0, 0), (3, 1)], "p7", scene="home")
+    episode = replace(
+        flat,
+        start_position_world_m=up[0],
+        goal_position_world_m=up[-1],
+        reference_path_world_m=up,
+        extra={"staircases": [0], "levels": [0, 1]},
+    )
+    base = resample(up, 0.05) + np.array([0.0, 0.0, 0.36])
+    tracks = (Track("p7@0", episode, "home", "aliengo", base, "stopped_far"),)
+    low, high = (
+        map_figure(f"home/{k}", tmp_path / "map.png", ScenePaths({"p7@0": episode}, tracks))
+        for k in (0, 1)
+    )
+    assert [dot["title"] for dot in low["dots"]] == ["start of p7"]
+    assert [dot["title"] for dot in high["dots"]] == ["goal of p7"]
+    assert (low["crosses"], len(high["crosses"])) == ([], 1)
+    for figure, first, last in ((low, 1.0, 5.5), (high, 5.5, 9.0)):
+        walked, reference = figure["lines"]
+        for line in (walked, reference):
+            x = [float(point.split(",")[0]) / 20 for point in line["points"].split()]
+            assert x[0] == pytest.approx(first, abs=0.25)
+            assert x[-1] == pytest.approx(last, abs=0.25)
