@@ -7,7 +7,7 @@ import numpy as np
 
 from ..formats.core.arrays import I32, I64, Array
 from ..formats.core.errors import SceneError
-from ..formats.core.geometry import arc_length
+from ..formats.core.geometry import arc_length, resample
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..wayfinding.planning import segments_free
@@ -18,6 +18,7 @@ from .ground import Visits, waypoints
 from .level import FAR_HOPS, room_hops, visits
 from .view import SceneView
 
+_FINE_M = 0.1  # pieces of a path are free on a level or on a staircase
 _ON_FLOOR_M = 0.1  # places within this height of a level's floor are on that level
 
 
@@ -55,7 +56,7 @@ class Joined:
     """Two levels and a staircase; satisfies `Ground`, where attributes are explained.
 
     Attributes:
-        tight_m: clearance on the staircase and before its ends, where there is less room [m].
+        tight_m: clearance before the staircase's ends, where there is less room [m].
         staircase: its index in the scene.
         regions: rooms of the lower and of the upper level.
         sides: (N,) 0 for cells on the lower level, 1 for those on the upper one.
@@ -146,7 +147,7 @@ class Joined:
         """See `Ground`."""
         stairs = self.storeys.staircases[self.staircase].freemap
         for part in self._parts(reference_m):
-            path = reference_m[part]
+            path = resample(reference_m[part], _FINE_M)
             level = self._freemap(self.side(path[0]))
             # On a level its stairs are an obstacle; before and behind them their own sheet counts.
             apron = np.abs(stairs.floor_z_m - path[0, 2]) <= _ON_FLOOR_M
@@ -188,16 +189,14 @@ def open_joined(
     """Prepare a staircase and the levels that it joins for paths with `radius_m` of clearance.
 
     Raises:
-        SceneError: the robot does not fit along the staircase's middle line.
+        SceneError: the staircase is too narrow for the robot.
     """
     storeys = Storeys.of(bundle, [staircase], config.free_height_m)
     stairs = storeys.staircases[staircase]
-    tight_m = min(radius_m, config.robot_radius_m)
-    free = stairs.freemap.free(tight_m)
-    if not segments_free(stairs.freemap.grid, free, stairs.line_m).all():
+    width_m = bundle.staircases[staircase].width_m
+    if width_m < 2 * config.robot_radius_m:
         raise SceneError(
-            f"is too narrow for {tight_m:.2f} m of clearance: "
-            f"{bundle.staircases[staircase].width_m:.2f} m wide"
+            f"is {width_m:.2f} m wide, and the robot needs {2 * config.robot_radius_m:.2f} m"
         )
     cells, rooms = [], []
     for side, level in enumerate(storeys.joins[staircase]):
@@ -220,7 +219,7 @@ def open_joined(
         rooms=np.concatenate(rooms).astype(np.int32),
         hops=_hops(lower, upper, stairs.line_m),
         radius_m=radius_m,
-        tight_m=tight_m,
+        tight_m=config.robot_radius_m,
         min_crossings=config.min_crossings,
         view=view,
     )

@@ -11,7 +11,7 @@ from ..formats.core.errors import InputError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.staircase import Staircase
-from .storeys import climbable_staircase
+from .storeys import climbable_staircase, stair_sheet
 
 _PASSES_M = 0.3  # how near a path over a staircase comes to both ends of its middle line
 
@@ -65,10 +65,13 @@ def legs_of(bundle: SceneBundle, episode: Episode) -> tuple[Leg, ...]:
     legs: list[Leg] = []
     for number, (first, last) in enumerate(pairwise([*cuts, len(path) - 1])):
         index = (staircases if number % 2 else levels)[number // 2]
-        sheet = bundle.stair_freemap(index) if number % 2 else bundle.freemap(index)
         if first < last:
             part = path[first : last + 1]
-            legs.append(Leg(sheet.for_height(height_m), part, index, bool(number % 2)))
+            if is_stairs := bool(number % 2):
+                sheet = stair_sheet(bundle, index, height_m)
+            else:
+                sheet = bundle.freemap(index).for_height(height_m)
+            legs.append(Leg(sheet, part, index, is_stairs))
     return tuple(legs)
 
 

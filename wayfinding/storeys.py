@@ -23,6 +23,8 @@ from ..formats.scene.staircase import Staircase
 from .distance import AGENT_RADIUS_M, SNAP_M, DistanceField, distance_field
 from .planning import floor_z
 
+# On stairs things count that are lower over the treads than the robots that climb are high.
+_STAIRS_HEIGHT_M = 0.65
 # A point that is nearer than this to two sheets, up or down and sideways, stands on both.
 _SAME_M = 0.03
 
@@ -112,7 +114,7 @@ class Storeys:
         return Storeys(
             {k: Sheet(bundle.freemap(k).for_height(free_height_m)) for k in levels},
             {
-                k: Stairs(bundle.stair_freemap(k).for_height(free_height_m), entry.line_world_m)
+                k: Stairs(stair_sheet(bundle, k, free_height_m), entry.line_world_m)
                 for k, entry in taken.items()
             },
             joins,
@@ -217,6 +219,11 @@ class StoreyDistance:
                 way = self.storeys.field_to(end, self.radius_m).at(xy_m, within_m)
                 ways.append(way + rest_m)
         return np.min(ways, axis=0)
+
+
+def stair_sheet(bundle: SceneBundle, index: int, free_height_m: float) -> Freemap:
+    """Return the planning map of a staircase, where a lamp over the treads blocks nothing."""
+    return bundle.stair_freemap(index).for_height(min(free_height_m, _STAIRS_HEIGHT_M))
 
 
 def climbable_staircase(bundle: SceneBundle, index: int) -> Staircase:

@@ -22,7 +22,7 @@ from ..engine.ledger import Row
 from ..engine.work import digest
 from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.folders import scenes_in, scenes_root
-from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, climber_radius, sample_config
 from ..options.episodes import Align, Filter, Sample
 from ..options.shared import settings_of
 from ..stages.episodes import align_items as align
@@ -99,7 +99,10 @@ def run_filter(options: Filter) -> int:
     several = len(options.episodes) > 1
     out = _out(options.out, "kept", several)
     names = tuple(name.strip() for name in options.rules.split(",") if name.strip())
-    rules = StairRules(names, options.combine, options.max_step_m)
+    climber_m = climber_radius(_robots(options.robot)) if options.keep_climbable else None
+    if options.robot and climber_m is None:
+        raise InputError("--robot names who climbs the stairs that --keep-climbable keeps")
+    rules = StairRules(names, options.combine, options.max_step_m, climber_m)
     scenes: dict[str, Row] = {}
     if options.scenes is not None:
         scenes = repair.rows_of(options.scenes)

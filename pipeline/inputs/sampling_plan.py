@@ -111,6 +111,18 @@ def check_climbing(option: str, robots: Iterable[RobotSpec]) -> None:
         raise InputError(f"{option}: {', '.join(unable)} cannot climb stairs; valid: {able}")
 
 
+def climber_radius(robots: Sequence[RobotSpec]) -> float:
+    """Return the radius [m] of the widest robot that `--keep-climbable` keeps episodes for.
+
+    Raises:
+        InputError: no robot is named, or one cannot climb.
+    """
+    if not robots:
+        raise InputError("--keep-climbable needs the robots that climb; name them with --robot")
+    check_climbing("--keep-climbable", robots)
+    return max(robot.footprint_radius_m for robot in robots)
+
+
 def sample_config(
     options: Sampling,
     count: int,

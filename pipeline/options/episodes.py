@@ -109,7 +109,12 @@ class Filter(Parallel):
     max_step_m: float = 0.3
     """Maximum height difference between consecutive reference points, for the rule step [m]."""
     scenes: Path | None = None
-    """Folder of repaired scenes, for the rule geometric."""
+    """Folder of repaired scenes, for the rule geometric and --keep-climbable."""
+    keep_climbable: bool = False
+    """Keep the episodes over one staircase of the repaired scene that --robot can climb, which the
+    rules drop."""
+    robot: str = ""
+    """Robots that will walk these episodes, comma-separated, for --keep-climbable."""
 
     def check(self) -> None:
         """Raise InputError if no file is given."""

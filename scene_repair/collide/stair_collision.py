@@ -26,6 +26,8 @@ TURNING_M = 0.45
 AT_END_M = 0.1
 # Edges of treads jut out and are rounded: so near to a step, what is no higher is no obstacle.
 NOSING_M = 0.075
+# So far the middle line leaves a flight's middle at its end, where something stands on one side.
+_MOST_ASIDE_M = 0.2
 # A staircase is blocked if nothing this wide and high passes.
 PASSING_M = (0.5, 0.6)
 
@@ -70,9 +72,28 @@ def build_stairs(
         problem = f"is blocked: nothing {width:g} m wide and {height:g} m high passes"
         return RepairedStaircase(replace(staircase, problem=problem), flights, None, None)
     line = staircase.line_world_m.copy()
-    line[0], line[-1] = foot.place(freemap), head.place(freemap)
+    for end, outer, apron in ((1, 0, foot), (-2, -1, head)):
+        line[end, :2] += _aside(line[end], apron, freemap)
+        line[outer] = replace(apron, end_m=line[end]).place(freemap)
     staircase = replace(staircase, line_world_m=line)
     return RepairedStaircase(staircase, flights, replace(sheet, freemap=freemap), treads)
+
+
+def _aside(end_m: Array, apron: "_Apron", freemap: Freemap) -> Array:
+    """Return how far (2,) [m] to move a flight's end (3,) into the middle of what is free there.
+
+    A door frame or a post may stand on one side of where a flight ends.
+    """
+    low = freemap.for_height(PASSING_M[1])
+    steps = np.arange(0.0, TURNING_M, low.grid.cell_m)
+    shifts = np.arange(-_MOST_ASIDE_M, _MOST_ASIDE_M + 1e-9, low.grid.cell_m)
+    across = np.array([-apron.away[1], apron.away[0]])
+    places = end_m[:2] + steps[:, None, None] * apron.away + shifts[:, None] * across
+    cells = low.grid.clamped_cell_of(places)
+    narrowest = low.clearance_m[cells[..., 0], cells[..., 1]].min(axis=0)
+    # Not farther than need be: beyond `TURNING_M` of space more is no better.
+    best = int(np.argmax(np.minimum(narrowest, TURNING_M) - 0.1 * np.abs(shifts)))
+    return shifts[best] * across
 
 
 def _lay(treads: Treads, foot: "_Apron", head: "_Apron", fine: GridSpec) -> tuple[Floor, Treads]:

@@ -108,7 +108,7 @@ def test_new_paths_keep_away_from_known_ones_over_the_same_stairs(building: Scen
 @pytest.mark.parametrize(
     ("changes", "reasons"),
     [
-        ({"robot_radius_m": 0.65}, r"staircase 0 .* is a spiral; staircase 1 .* is too narrow for"),
+        ({"robot_radius_m": 0.65}, r"staircase 0 .* is a spiral; staircase 1 .* is 1.20 m wide"),
         ({"min_length_m": 60.0, "max_length_m": 70.0}, r"staircase 1 .*no_goal_in_range"),
     ],
 )

@@ -14,10 +14,12 @@ from numpy.typing import ArrayLike
 
 from ...formats.core.errors import InputError, check_name
 from ...formats.core.frames import HABITAT_TO_WORLD, transform_points
+from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode, VlnceFile
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
+from .climb import climb_of
 from .levels import level_gaps
 from .stair_words import stair_word, unknown_language
 
@@ -37,11 +39,14 @@ class StairRules:
         combine: `any` drops an episode that one of the rules drops; `all` only one that every rule
             that can judge it drops.
         max_step_m: largest height between two reference points allowed by `step` [m].
+        climber_radius_m: keep what a robot of this radius can walk over a climbable staircase,
+            whatever the rules say; None keeps none of it [m].
     """
 
     rules: tuple[str, ...] = (STEP,)
     combine: str = ANY
     max_step_m: float = MAX_STEP_M
+    climber_radius_m: float | None = None
 
     def __post_init__(self):
         if not self.rules:
@@ -51,6 +56,11 @@ class StairRules:
         check_name("combination of stair rules", self.combine, (ANY, ALL))
         if not self.max_step_m > 0:
             raise InputError(f"stair threshold is {self.max_step_m} m; valid: above 0")
+
+    @property
+    def need_scenes(self) -> bool:
+        """Whether repaired scenes are needed."""
+        return GEOMETRIC in self.rules or self.climber_radius_m is not None
 
 
 @dataclass(frozen=True)
@@ -77,6 +87,7 @@ class StairCounts:
 
     Attributes:
         kept, dropped: (episodes, paths).
+        climbable: (episodes, paths) that are kept although the rules drop them.
         by_rule: (episodes, paths) that each rule drops, alone or with others.
         not_judged: (episodes, paths) that a rule could not judge, by rule and cause: no reference
             path (a test split), for `geometric` no repaired scene, for `text` a language whose
@@ -87,6 +98,7 @@ class StairCounts:
     dropped: tuple[int, int]
     by_rule: Mapping[str, tuple[int, int]]
     not_judged: Mapping[str, Mapping[str, tuple[int, int]]]
+    climbable: tuple[int, int] = (0, 0)
 
 
 @dataclass(frozen=True)
@@ -122,13 +134,14 @@ def filter_stairs(
 
     Args:
         rules: which rules, and how they are combined.
-        bundles: repaired scenes by name, for the rule `geometric`.
+        bundles: repaired scenes by name, for the rule `geometric` and for climbable stairs.
 
     Raises:
-        InputError: the rule `geometric` is asked without any scene.
+        InputError: the rule `geometric`, or what is climbable, is asked without any scene.
     """
-    if GEOMETRIC in rules.rules and not bundles:
-        raise InputError("the stair rule geometric needs repaired scenes (--scenes)")
+    if rules.need_scenes and not bundles:
+        what = "the stair rule geometric" if GEOMETRIC in rules.rules else "--keep-climbable"
+        raise InputError(f"{what} needs repaired scenes (--scenes)")
     judge = _Judge(rules, bundles or {})
     remaining, dropped = [], []
     counted: dict[str, Counter[tuple[str, str]]] = {}
@@ -140,6 +153,12 @@ def filter_stairs(
         needed = 1 if rules.combine == ANY else max(able, 1)
         out = len(against) >= needed
         path = (episode.scene_id, str(episode.trajectory_id))
+        if out and rules.climber_radius_m is not None:
+            if reason := judge.not_climbable(episode):
+                against["climbable"] = f"not climbable: {reason}"
+            else:
+                out = False
+                counted.setdefault("climbable", Counter())[path] += 1
         counted.setdefault("dropped" if out else "kept", Counter())[path] += 1
         for rule, opinion in opinions.items():
             if opinion.unable:
@@ -165,6 +184,7 @@ def filter_stairs(
             for rule, rule_causes in causes.items()
             if rule_causes
         },
+        both("climbable"),
     )
     return StairResult(replace(file, episodes=tuple(remaining)), tuple(dropped), counts)
 
@@ -185,6 +205,7 @@ class _Judge:
     bundles: Mapping[str, SceneBundle]
     freemaps: dict[str, list[Freemap]] = field(default_factory=dict)
     seen: dict[tuple[str, bytes], str] = field(default_factory=dict)
+    climbs: dict[tuple[str, bytes], str] = field(default_factory=dict)
 
     def opinion(self, rule: str, episode: VlnceEpisode) -> _Opinion:
         """Return what `rule` says of an episode."""
@@ -213,14 +234,40 @@ class _Judge:
             f"between points {step} and {step + 1}; at most {self.rules.max_step_m:g} m is allowed"
         )
 
-    def _leaves_level(self, episode: VlnceEpisode, bundle: SceneBundle) -> str:
+    def not_climbable(self, episode: VlnceEpisode) -> str:
+        """Return why a robot of the rules' radius cannot walk an episode over stairs; "" if not."""
         scene = episode.scene_stem
+        if scene not in self.bundles:
+            return f"scene {episode.scene_id!r} is not repaired"
+        if not len(episode.reference_path_habitat_m):
+            return "it has no reference path"
+        key = (scene, episode.reference_path_habitat_m.tobytes())
+        if key not in self.climbs:
+            bundle, radius_m = self.bundles[scene], self.rules.climber_radius_m or 0.0
+            path = self._path_m(episode, bundle)
+            climb = climb_of(
+                bundle,
+                self._freemaps(bundle, scene),
+                path,
+                radius_m=radius_m,
+                free_height_m=FULL_HEIGHT_M,
+            )
+            self.climbs[key] = climb if isinstance(climb, str) else ""
+        return self.climbs[key]
+
+    def _leaves_level(self, episode: VlnceEpisode, bundle: SceneBundle) -> str:
+        path = self._path_m(episode, bundle)
+        return _leaving(self._freemaps(bundle, episode.scene_stem), path)
+
+    def _path_m(self, episode: VlnceEpisode, bundle: SceneBundle) -> np.ndarray:
+        to_world = HABITAT_TO_WORLD if episode.in_repaired_world else bundle.habitat_to_world
+        return transform_points(to_world, episode.reference_path_habitat_m)
+
+    def _freemaps(self, bundle: SceneBundle, scene: str) -> list[Freemap]:
         if scene not in self.freemaps:
             levels = range(len(bundle.level_floor_z_m))
             self.freemaps[scene] = [bundle.freemap(k) for k in levels]
-        to_world = HABITAT_TO_WORLD if episode.in_repaired_world else bundle.habitat_to_world
-        path = transform_points(to_world, episode.reference_path_habitat_m)
-        return _leaving(self.freemaps[scene], path)
+        return self.freemaps[scene]
 
 
 def _text(episode: VlnceEpisode) -> _Opinion:

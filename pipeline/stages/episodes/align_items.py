@@ -7,7 +7,7 @@ from typing import Any
 from ....formats.core.atomic import file_digest
 from ....formats.vlnce.files import read_vlnce
 from ....trajectory_sampler.vlnce.align_config import AlignConfig
-from ....trajectory_sampler.vlnce.stairs import GEOMETRIC, StairRules
+from ....trajectory_sampler.vlnce.stairs import StairRules
 from ...engine.ledger import Ledger, Row
 from ...engine.work import WorkItem, work_item
 from ...execution.runner import StageSummary
@@ -27,10 +27,10 @@ def filter_item(
     """Filter the stair episodes out of a VLN-CE file.
 
     Args:
-        scenes: rows of the repair stage by scene id, for the rule `geometric`.
+        scenes: rows of the repair stage by scene id, for rules that need them.
     """
     read_vlnce(source)  # say at once what is wrong with the user's file
-    repaired = (scenes or {}) if GEOMETRIC in rules.rules else {}
+    repaired = (scenes or {}) if rules.need_scenes else {}
     folders = {name: scenes_folder / name for name in repaired} if scenes_folder else {}
     job = FilterJob(source, out, rules, folders)
     made_of = {"file": file_digest(source), "scenes": {n: row.key for n, row in repaired.items()}}
@@ -117,6 +117,8 @@ def filter_lines(facts: Mapping[str, Any]) -> list[str]:
 
     lines = [f"{split}: kept {counted(counts['kept'])}, dropped {counted(counts['dropped'])}"]
     lines += [f"  by {rule}: {counted(pair)}" for rule, pair in counts["by_rule"].items()]
+    if counts["climbable"][0]:
+        lines.append(f"  kept although it climbs: {counted(counts['climbable'])}")
     lines += [
         f"  cannot be judged by {rule}: {counted(pair)} {cause}; kept"
         for rule, causes in counts["not_judged"].items()

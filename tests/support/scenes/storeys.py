@@ -112,5 +112,10 @@ def _sheet(
     return (
         Floor(grid, height, covered),
         Obstacles(center.reshape(-1, 3), half.reshape(-1, 3)),
-        Freemap(grid, np.where(covered, height, np.nan).astype(np.float32), free),
+        Freemap(
+            grid,
+            np.where(covered, height, np.nan).astype(np.float32),
+            free,
+            np.where(free, np.inf, 0.0).astype(np.float32),
+        ),
     )

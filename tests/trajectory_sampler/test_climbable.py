@@ -1,0 +1,88 @@
+"""VLN-CE episodes over stairs: kept for robots that climb, and fitted into their scene."""
+
+import gzip
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.scenes.storeys import HEAD_X, LINE, TOP_M, write_two_storeys
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.geometry import resample
+from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.vlnce.files import VlnceFile, read_vlnce
+from vlnpe.trajectory_sampler.vlnce.stairs import GEOMETRIC, STEP, StairRules, filter_stairs
+
+UP = np.vstack([[2.0, 2.0, 0.0], [6.0, 2.0, 0.0], LINE, [HEAD_X + 7.0, 2.0, TOP_M]])
+FLAT = np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]])
+# Up through the ceiling, where there are no stairs.
+ELSEWHERE = np.array([[2.0, 2.0, 0.0], [2.0, 3.0, 1.0], [HEAD_X + 7.0, 3.0, TOP_M]])
+SPLIT = np.array([[2.0, 2.0, 0.0], [3.0, 2.0, 0.6], [4.0, 2.0, 0.0]])
+PATHS = {
+    "up": resample(UP, 0.8),
+    "down": resample(UP[::-1], 1.1),
+    "sparse": UP[[0, 1, 2, -2, -1]],
+    "flat": FLAT,
+    "elsewhere": ELSEWHERE,
+    "split": SPLIT,
+}
+
+
+@pytest.fixture(scope="module")
+def building(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
+    return write_two_storeys(tmp_path_factory.mktemp("scenes") / "house")
+
+
+def record(name: str, path: np.ndarray) -> dict[str, Any]:
+    """An episode as R2R-CE has it, y up."""
+    points = (path[:, [0, 2, 1]] * (1.0, 1.0, -1.0)).tolist()
+    return {
+        "episode_id": name,
+        "trajectory_id": name,
+        "scene_id": "mp3d/house/house.glb",
+        "start_position": points[0],
+        "start_rotation": [0.0, 0.0, 0.0, 1.0],
+        "info": {"geodesic_distance": 1.0},
+        "goals": [{"position": points[-1], "radius": 3.0}],
+        "instruction": {"instruction_text": "Go.", "instruction_tokens": [1]},
+        "reference_path": points,
+    }
+
+
+def written(folder: Path, names: Sequence[str] = tuple(PATHS)) -> Path:
+    path = folder / "val_unseen.json.gz"
+    with gzip.open(path, "wt") as stream:
+        json.dump({"episodes": [record(name, PATHS[name]) for name in names]}, stream)
+    return path
+
+
+def kept(file: VlnceFile) -> set[str]:
+    return {str(episode.episode_id) for episode in file.episodes}
+
+
+@pytest.mark.parametrize("rule", [STEP, GEOMETRIC])
+def test_climbable_episodes_are_kept_for_those_who_climb(
+    building: SceneBundle, tmp_path: Path, rule: str
+) -> None:
+    file, scenes = read_vlnce(written(tmp_path)), {"house": building}
+    plain = filter_stairs(file, StairRules((rule,)), scenes)
+    assert kept(plain.kept) == {"flat"} | ({"split"} if rule == GEOMETRIC else set())
+    result = filter_stairs(file, StairRules((rule,), climber_radius_m=0.3), scenes)
+    assert kept(result.kept) == kept(plain.kept) | {"up", "down", "sparse"}
+    assert result.counts.climbable == (3, 3)
+    assert result.counts.by_rule == plain.counts.by_rule
+    reasons = {str(d.episode_id): d.reasons["climbable"] for d in result.dropped}
+    assert "staircase 0 is a spiral; staircase 1 is" in reasons["elsewhere"]
+    assert rule == GEOMETRIC or "starts and ends on level 0" in reasons["split"]
+    wide = filter_stairs(file, StairRules((rule,), climber_radius_m=0.7), scenes)
+    assert kept(wide.kept) == kept(plain.kept)
+    assert "staircase 1 is 1.20 m wide" in wide.dropped[0].reason
+
+
+def test_what_is_climbable_cannot_be_said_without_scenes(tmp_path: Path) -> None:
+    file = read_vlnce(written(tmp_path))
+    with pytest.raises(InputError, match="--keep-climbable needs repaired scenes"):
+        filter_stairs(file, StairRules(climber_radius_m=0.3))
