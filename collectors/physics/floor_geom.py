@@ -10,7 +10,7 @@ from ...formats.scene.grid import GridSpec
 from .config import LevelModelConfig
 from .floor_surface import FloorSurface
 
-FLOOR_GEOM = "floor"
+GROUND_BODY, FLOOR_GEOM = "ground", "floor"
 _STRIDES = (8, 6, 4, 3, 2)
 
 
@@ -29,7 +29,7 @@ def add_floor(
     Returns:
         What it became, in words.
     """
-    body = scene.worldbody.add_body(name="ground")
+    body = scene.worldbody.add_body(name=GROUND_BODY)
     friction = [config.friction, 0.02, 0.01]
     if not len(walked) or np.ptp(walked) < config.flat_within_m:
         z = float(np.median(walked)) if len(walked) else float(np.median(surface.floor.height_m))

@@ -29,8 +29,11 @@ class FloorSurface:
         gap = np.asarray(distance_transform_edt(~covered)) * self.floor.grid.cell_m
         return gap <= SKIRT_M
 
-    def height_at(self, xy_m: ArrayLike) -> Array:
-        """Return the floor height (...) [m] under points (..., 2) [m], bilinear between cells."""
+    def height_at(self, xy_m: ArrayLike, near_z_m: ArrayLike = 0.0) -> Array:
+        """Return the floor height (...) [m] under points (..., 2) [m], bilinear between cells.
+
+        Whatever `near_z_m` is: only a `JoinedFloor` has several heights at a point.
+        """
         grid = self.floor.grid
         xy = np.asarray(xy_m, dtype=np.float64)
         at = (xy - np.asarray(grid.origin_xy_m)) / grid.cell_m - 0.5
@@ -45,7 +48,7 @@ class FloorSurface:
         far = h[y1, x0] * (1 - fx) + h[y1, x1] * fx
         return near * (1 - fy) + far * fy
 
-    def is_solid(self, x_m: float, y_m: float) -> bool:
+    def is_solid(self, x_m: float, y_m: float, near_z_m: float = 0.0) -> bool:
         """Return whether there is floor to stand on at a point [m]; false outside the grid."""
         grid = self.floor.grid
         column = int((x_m - grid.origin_xy_m[0]) // grid.cell_m)

@@ -11,6 +11,7 @@ boxes in a body of their own, 27 k as below, 36 k with sleeping):
 
 import hashlib
 import logging
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -77,21 +78,14 @@ def build_level_model(
     config = config or LevelModelConfig()
     surface = FloorSurface(bundle.floor(level))
     freemap = bundle.freemap(level).for_height(config.free_height_m)
-    reach_m, height_m = _extent(robot)
-    scene = mujoco.MjSpec()
-    scene.modelname = f"{bundle.scene_id}-{level}-{robot.name}"
-    apply_physics_options(scene)
-    scene.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
-    # Diverged physics must be noticed and end the episode, not silently reset.
-    scene.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    reach_m, height_m = robot_extent(robot)
+    scene = empty_scene(f"{bundle.scene_id}-{level}-{robot.name}")
     walked = walked_heights(surface, freemap)
     kind = add_floor(scene, surface, walked, config)
     top_m = float(walked.max(initial=bundle.level_floor_z_m[level])) + height_m
     boxes = robot_obstacles(bundle.obstacles(level), freemap, reach_m, top_m + config.headroom_m)
-    _add_boxes(scene, boxes, config)
-    body = _robot_that_meets_obstacles(robot)
-    scene.worldbody.add_frame().attach_body(body, ROBOT_PREFIX, "")
-    scene.body(ROBOT_PREFIX + robot.root_body).sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+    add_boxes(scene, boxes, config)
+    add_robot(scene, robot)
     model = scene.compile()
     log.debug(
         "level %d of %s for %s: floor %s, %d of %d boxes",
@@ -105,13 +99,32 @@ def build_level_model(
     return model
 
 
+def empty_scene(name: str) -> mujoco.MjSpec:
+    """Return a scene with the options of all models."""
+    scene = mujoco.MjSpec()
+    scene.modelname = name
+    apply_physics_options(scene)
+    scene.option.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    # Diverged physics must be noticed and end the episode, not silently reset.
+    scene.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return scene
+
+
+def add_robot(scene: mujoco.MjSpec, robot: RobotSpec) -> None:
+    """Add a robot at the origin, its names under `ROBOT_PREFIX`."""
+    body = _robot_that_meets_obstacles(robot)
+    scene.worldbody.add_frame().attach_body(body, ROBOT_PREFIX, "")
+    scene.body(ROBOT_PREFIX + robot.root_body).sleep = mujoco.mjtSleepPolicy.mjSLEEP_NEVER
+
+
 def free_height(robot: RobotSpec) -> float:
     """Return the free height [m] that a robot needs, at most `FULL_HEIGHT_M`."""
-    _, height_m = _extent(robot)
+    _, height_m = robot_extent(robot)
     return min(round(height_m + HEAD_MARGIN_M, 2), FULL_HEIGHT_M)
 
 
-def _add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig) -> None:
+def add_boxes(scene: mujoco.MjSpec, boxes: Obstacles, config: LevelModelConfig) -> None:
+    """Add collision boxes to the world body, where physics finds them fastest."""
     for k, (center, half) in enumerate(zip(boxes.center_m, boxes.half_m, strict=True)):
         scene.worldbody.add_geom(
             name=f"obstacle_{k}",
@@ -136,7 +149,7 @@ def _robot_that_meets_obstacles(robot: RobotSpec) -> mujoco.MjsBody:
     return spec.body(robot.root_body)
 
 
-def _extent(robot: RobotSpec) -> tuple[float, float]:
+def robot_extent(robot: RobotSpec) -> tuple[float, float]:
     """Return the reach of any part from the base axis and the standing height [m]."""
     model = robot.build_model(floor=False)
     data = mujoco.MjData(model)
@@ -155,15 +168,25 @@ def _extent(robot: RobotSpec) -> tuple[float, float]:
 
 
 def _key(bundle: SceneBundle, level: int, robot: RobotSpec, config: LevelModelConfig) -> str:
+    facts = (bundle.scene_id, level, bundle.level_floor_z_m[level])
+    return model_key(__name__, [bundle.level_folder(level)], facts, robot, config)
+
+
+def model_key(
+    module: str,
+    sheets: Sequence[Path],
+    facts: Sequence[object],
+    robot: RobotSpec,
+    config: LevelModelConfig,
+) -> str:
+    """Return the cache's key of a model that a module builds from the files of some sheets."""
     digest = hashlib.sha256()
-    folder = bundle.level_folder(level)
-    files = [folder / name for name in ("floor.npz", "obstacles.npz", "freemap.npz")]
-    digest.update(code_digest(__name__).encode())
-    for path in files:
+    digest.update(code_digest(module).encode())
+    names = ("floor.npz", "obstacles.npz", "freemap.npz", "treads.npz")
+    for path in (sheet / name for sheet in sheets for name in names):
         # The builder reports a missing file.
         digest.update(path.read_bytes() if path.is_file() else b"")
     digest.update(model_bytes(robot.build_model(floor=False)))
-    floor_z_m = bundle.level_floor_z_m[level]
-    facts = (bundle.scene_id, level, floor_z_m, robot.name, robot.root_body, asdict(config))
-    digest.update(repr((*facts, mujoco.__version__)).encode())
+    facts = (*facts, robot.name, robot.root_body, asdict(config), mujoco.__version__)
+    digest.update(repr(facts).encode())
     return digest.hexdigest()[:32]

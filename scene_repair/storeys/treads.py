@@ -116,7 +116,7 @@ def ways_up(
                     points[open_], points[own], float(height), float(np.median(clear[open_]))
                 )
             )
-            free[open_] = False
+            free[own] = False
         yield [*treads, end(way[-1], at_head)]
 
 

@@ -1,0 +1,74 @@
+"""The floors of two levels and the staircase between them, as physics sees them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...formats.core.arrays import Array, Mask
+from ...formats.scene.bundle import Floor, SceneBundle
+from .floor_surface import FloorSurface
+
+# Ground within this height of a place belongs to it: two steps, and less than half a storey.
+NEAR_M = 0.7
+
+
+@dataclass(frozen=True)
+class JoinedFloor:
+    """Heights of two floors and of the treads between, one above the other.
+
+    A point is on the sheet whose height is near to that of the ground which is asked for; treads
+    come before what lies below or above them.
+    """
+
+    lower: FloorSurface
+    upper: FloorSurface
+    stairs: Floor
+
+    @staticmethod
+    def of(bundle: SceneBundle, staircase: int) -> "JoinedFloor":
+        """Load the floors that a staircase joins.
+
+        Raises:
+            ValueError: no such staircase, or nobody can climb it.
+            FileFormatError: the scene's files are missing or damaged.
+        """
+        stairs = bundle.stair_floor(staircase)
+        lower, upper = (FloorSurface(bundle.floor(k)) for k in bundle.staircases[staircase].levels)
+        return JoinedFloor(lower, upper, stairs)
+
+    def height_at(self, xy_m: ArrayLike, near_z_m: ArrayLike) -> Array:
+        """Return the floor height (...) [m] under points (..., 2) [m], near to heights (...) [m].
+
+        Levels are bilinear between cells, and treads end sharply at the border of a cell.
+        """
+        xy = np.asarray(xy_m, dtype=np.float64)
+        near = np.broadcast_to(np.asarray(near_z_m, dtype=np.float64), xy.shape[:-1])
+        lower, upper = self.lower.height_at(xy), self.upper.height_at(xy)
+        # Where a level has no floor, the other one may.
+        away = [
+            np.abs(z - near) + np.where(_covered(level.floor, level.solid, xy)[0], 0.0, 1000.0)
+            for level, z in ((self.lower, lower), (self.upper, upper))
+        ]
+        level = np.where(away[0] <= away[1], lower, upper)
+        on_stairs, tread = _covered(self.stairs, self.stairs.covered, xy)
+        return np.where(on_stairs & (np.abs(tread - near) < NEAR_M), tread, level)
+
+    def is_solid(self, x_m: float, y_m: float, near_z_m: float) -> bool:
+        """Return whether there is floor to stand on at a point and near to a height [m]."""
+        xy = np.array([x_m, y_m])
+        on_stairs, tread = _covered(self.stairs, self.stairs.covered, xy)
+        if on_stairs and abs(tread - near_z_m) < NEAR_M:
+            return True
+        return any(
+            level.is_solid(x_m, y_m) and abs(level.height_at(xy) - near_z_m) < NEAR_M
+            for level in (self.lower, self.upper)
+        )
+
+
+def _covered(floor: Floor, cells: Mask, xy_m: Array) -> tuple[Mask, Array]:
+    """Return whether points (..., 2) lie in marked cells, and the heights of theirs, both (...)."""
+    grid = floor.grid
+    cell = grid.cell_of(xy_m)
+    at = tuple(np.moveaxis(grid.clamped_cell_of(xy_m), -1, 0))
+    return grid.inside(cell) & cells[at], floor.height_m[at].astype(np.float64)
