@@ -46,7 +46,7 @@ def episode_of(
         yaw = drawn * np.pi
     yaw = float(wrap_angle(yaw))
     name = f"{bundle.scene_id}-{number:04d}"
-    route = {**low_passage(config.free_height_m), **over_stairs(candidate)}
+    route = low_passage(config.free_height_m) | over_stairs(candidate.levels, candidate.staircases)
     episode = Episode(
         episode_id=name,
         trajectory_id=name,
@@ -85,11 +85,9 @@ def episode_of(
     return replace(episode, extra=extra | route)
 
 
-def over_stairs(candidate: Candidate) -> dict[str, list[int]]:
+def over_stairs(levels: Sequence[int], staircases: Sequence[int]) -> dict[str, list[int]]:
     """Return the keys that an episode over several levels has in its `extra`."""
-    if not candidate.staircases:
-        return {}
-    return {"staircases": list(candidate.staircases), "levels": list(candidate.levels)}
+    return {"staircases": list(staircases), "levels": list(levels)} if staircases else {}
 
 
 def _clearance(bundle: SceneBundle, episode: Episode, points_m: Array) -> Array:

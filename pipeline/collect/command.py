@@ -23,7 +23,7 @@ from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews
 from ..inputs.folders import find_scans
 from ..inputs.robot_copies import robot_of_run
-from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, sample_config
+from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, climber_radius, sample_config
 from ..inputs.views import check_frame_rate, chosen_views
 from ..inputs.wording import instruct_config, vision_settings
 from ..options.collect import Collect
@@ -76,7 +76,11 @@ def run(options: Collect) -> int:
     )
     if plan and plan.instructions and options.count == Collect.count:
         instructing = replace(instructing, count=plan.instructions)
-    rules = StairRules(tuple(name.strip() for name in options.stair_rules.split(",")))
+    if options.keep_climbable and not episode_files:
+        raise InputError("--keep-climbable keeps episodes of a file; to sample some: --storeys")
+    climber_m = climber_radius(robots) if options.keep_climbable else None
+    names = tuple(name.strip() for name in options.stair_rules.split(","))
+    rules = StairRules(names, climber_radius_m=climber_m)
     collision = str(options.collision.resolve()) if options.collision else ""
     repairing = options.repair_config(collision=collision)
     with open_context(
@@ -98,6 +102,7 @@ def run(options: Collect) -> int:
             robot_radius_m=_fitting_radius(robots, context.ledger),
             free_height_m=height_m,
             goal_beyond_start=options.goal_beyond_start,
+            keep_climbable=options.keep_climbable,
         )
         if episode_files:
             paths = episodes.aligned(current, wording, episode_files, scenes, rules, fitting)

@@ -41,6 +41,8 @@ def run_align(options: Align) -> int:
     """Align the episodes of files; return 1 if too many are rejected."""
     out = _out(options.out, "aligned", len(options.episodes) > 1)
     robots = _robots(options.robot)
+    if options.keep_climbable:
+        climber_radius(robots)
     config = settings_of(
         AlignConfig,
         options,

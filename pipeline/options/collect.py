@@ -43,6 +43,9 @@ class Collect(Sampling, Driving, Drawing, Wording, DatasetFormat, Orientation, R
     stair_rules: str = "step"
     """Rules by which episodes of a VLN-CE file are dropped, comma-separated: step, geometric, text;
     see `vlnpe filter`."""
+    keep_climbable: bool = False
+    """Keep the episodes of a VLN-CE file over one staircase that the robots can climb, which the
+    stair rules drop."""
     goal_beyond_start: bool = False
     """Accept VLN-CE paths whose goal is moved farther out of collision than their start, instead of
     rejecting them."""

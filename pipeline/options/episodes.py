@@ -82,6 +82,9 @@ class Align(WalkedBy, Parallel):
     """Maximum distance by which an inner waypoint may be moved [m]; others are bypassed."""
     max_bypassed_share: float = AlignConfig.max_bypassed_share
     """Maximum share of a path's inner waypoints that may be bypassed."""
+    keep_climbable: bool = AlignConfig.keep_climbable
+    """Also align paths over one staircase that --robot can climb, see `vlnpe filter`; they then
+    follow its middle line."""
     max_floor_gap_m: float = AlignConfig.max_floor_gap_m
     """Maximum height of a point above or below its floor [m]."""
     max_failed: int = 0

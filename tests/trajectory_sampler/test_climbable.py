@@ -11,10 +11,13 @@ import pytest
 
 from tests.support.scenes.storeys import HEAD_X, LINE, TOP_M, write_two_storeys
 from vlnpe.formats.core.errors import InputError
-from vlnpe.formats.core.geometry import resample
+from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import VlnceFile, read_vlnce
+from vlnpe.trajectory_sampler.vlnce.align import align_episodes
+from vlnpe.trajectory_sampler.vlnce.align_config import AlignConfig
 from vlnpe.trajectory_sampler.vlnce.stairs import GEOMETRIC, STEP, StairRules, filter_stairs
+from vlnpe.wayfinding.legs import legs_of
 
 UP = np.vstack([[2.0, 2.0, 0.0], [6.0, 2.0, 0.0], LINE, [HEAD_X + 7.0, 2.0, TOP_M]])
 FLAT = np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]])
@@ -86,3 +89,34 @@ def test_what_is_climbable_cannot_be_said_without_scenes(tmp_path: Path) -> None
     file = read_vlnce(written(tmp_path))
     with pytest.raises(InputError, match="--keep-climbable needs repaired scenes"):
         filter_stairs(file, StairRules(climber_radius_m=0.3))
+
+
+@pytest.mark.parametrize("name", ["up", "down", "sparse"])
+def test_climbable_episodes_are_aligned_along_the_middle_of_the_stairs(
+    building: SceneBundle, tmp_path: Path, name: str
+) -> None:
+    file, scenes = read_vlnce(written(tmp_path, [name, "flat"])), {"house": building}
+    plain = align_episodes(file, scenes)
+    assert [e.episode_id for e in plain.episodes] == ["flat"]
+    result = align_episodes(file, scenes, AlignConfig(keep_climbable=True))
+    episode, flat = result.episodes
+    assert str(flat) == str(plain.episodes[0])
+    levels = (1, 0) if name == "down" else (0, 1)
+    assert (episode.levels, episode.staircases, episode.level) == (levels, (1,), levels[0])
+    path = PATHS[name]
+    assert episode.start_position_world_m == pytest.approx(path[0])
+    assert episode.goal_position_world_m == pytest.approx(path[-1])
+    stairs = legs_of(building, episode)[1]
+    assert np.array_equal(stairs.path_m, LINE if name != "down" else LINE[::-1])
+    assert episode.geodesic_distance_m == pytest.approx(path_length(UP), abs=0.15)
+    assert episode.reference_length_m <= 1.05 * path_length(UP)
+
+
+def test_paths_that_no_staircase_takes_are_rejected_with_the_reason(
+    building: SceneBundle, tmp_path: Path
+) -> None:
+    file = read_vlnce(written(tmp_path, ["elsewhere", "split", "flat"]))
+    config = AlignConfig(keep_climbable=True, max_floor_gap_m=0.4)
+    reasons = dict(align_episodes(file, {"house": building}, config).rejected)
+    assert "staircase 0 is a spiral; staircase 1 is" in reasons["elsewhere"]
+    assert "takes no staircase" in reasons["split"]

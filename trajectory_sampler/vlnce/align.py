@@ -9,7 +9,7 @@ from ...formats.core.episode import Episode
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode, VlnceFile
-from ..record import low_passage
+from ..record import low_passage, over_stairs
 from .align_config import AlignConfig
 from .fit import FittedPath, RejectedError, fit_path
 
@@ -113,7 +113,7 @@ def _episode(
         trajectory_id=str(raw.trajectory_id),
         scene_id=raw.scene_stem,  # the name by which every later stage finds the scene
         split=split,
-        level=fitted.level,
+        level=fitted.levels[0],
         start_position_world_m=fitted.path_m[0].copy(),
         start_yaw_rad=fitted.yaw_rad,
         goal_position_world_m=fitted.path_m[-1].copy(),
@@ -126,6 +126,7 @@ def _episode(
             "source_scene_id": raw.scene_id,
             "alignment": fitted.changes,
             **low,
+            **over_stairs(fitted.levels, fitted.staircases),
         },
     )
 

@@ -27,6 +27,8 @@ class AlignConfig:
         max_floor_gap_m: farthest that a point may float above or lie below its floor [m].
         recorded_snap_m: changes of height above this are recorded point by point [m].
         waypoint_spacing_m: of points put in where the straight way is blocked [m].
+        keep_climbable: also align paths over one climbable staircase; they then follow its middle
+            line.
     """
 
     split: str | None = None
@@ -40,6 +42,7 @@ class AlignConfig:
     max_floor_gap_m: float = 1.0
     recorded_snap_m: float = 0.03
     waypoint_spacing_m: float = 1.0
+    keep_climbable: bool = False
 
     def __post_init__(self):
         if not 0 <= self.max_goal_nudge_m <= self.max_start_nudge_m:

@@ -1,7 +1,7 @@
 """Fit the path of a VLN-CE episode into a repaired scene: onto the floor, out of walls."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,21 +10,27 @@ from numpy.typing import NDArray
 from skimage.measure import label
 
 from ...formats.core.frames import HABITAT_TO_WORLD, Array, habitat_to_world_yaw, transform_points
-from ...formats.core.geometry import path_length
+from ...formats.core.geometry import distances_to_path, path_length
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
+from ...wayfinding.legs import line_between
 from ...wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
+from ...wayfinding.storeys import Storeys
 from .align_config import AlignConfig
+from .climb import Climb, climb_of
 from .levels import level_gaps
+
+_STAIRS = "staircase"  # name of the point where a part of a path meets a staircase
 
 
 @dataclass(frozen=True)
 class FittedPath:
     """A path in its scene: what all episodes of one path share."""
 
-    level: int
+    levels: tuple[int, ...]
+    staircases: tuple[int, ...]
     path_m: Array
     yaw_rad: float
     geodesic_m: float
@@ -33,6 +39,22 @@ class FittedPath:
 
 class RejectedError(Exception):
     """An episode cannot be aligned; the message says why."""
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of a path on one level, before and after it was fitted.
+
+    Attributes:
+        points_m: (P, 3) as in the file [m], from start to goal.
+        names: (P,) of the points.
+        gaps_m: (P,) heights of the points above the floor [m].
+    """
+
+    freemap: Freemap
+    points_m: Array
+    names: list[str]
+    gaps_m: Array
 
 
 def fit_path(
@@ -52,22 +74,140 @@ def fit_path(
     start = transform_points(to_world, raw.start_position_habitat_m)
     goal = transform_points(to_world, raw.goals[0].position_habitat_m)
     path = transform_points(to_world, raw.reference_path_habitat_m)
-    level, gaps = _level(freemaps, np.vstack([start, path, goal]), config)
-    freemap = freemaps[level]
-    free, start_xy, goal_xy = _connected_ends(freemap, start, goal, config)
+    points = np.vstack([start, path, goal])
     names = ["start", *(f"waypoint {k}" for k in range(len(path))), "goal"]
-    moved = {
-        "start": float(np.linalg.norm(start_xy - start[:2])),
-        "goal": float(np.linalg.norm(goal_xy - goal[:2])),
+    line = np.empty((0, 3))
+    try:
+        level, gaps = _level(freemaps, points, config)
+        levels, staircases = (level,), ()
+        parts = [_Part(freemaps[level], points, names, gaps)]
+    except RejectedError as error:
+        if not config.keep_climbable:
+            raise
+        climb = climb_of(
+            bundle,
+            freemaps,
+            points,
+            radius_m=config.robot_radius_m,
+            free_height_m=config.free_height_m,
+        )
+        if isinstance(climb, str):
+            raise RejectedError(f"{error}; {climb}") from error
+        levels, staircases = climb.levels, (climb.staircase,)
+        line = line_between(bundle.staircases[climb.staircase], *levels)
+        parts = _around_stairs(freemaps, points, names, climb, line)
+    moved: dict[str, float] = {}
+    bypassed: list[dict[str, Any]] = []
+    placed = [_placed(part, config, moved, bypassed) for part in parts]
+    _check(moved, bypassed, path, config, over_stairs=bool(staircases))
+    fitted = [
+        _passable(part.freemap, free, places, config)
+        for part, (free, places) in zip(parts, placed, strict=True)
+    ]
+    whole = fitted[0][0]
+    if staircases:
+        whole = np.vstack([whole[:-1], line, fitted[1][0][1:]])
+    gap_of = {
+        name: gap for part in parts for name, gap in zip(part.names, part.gaps_m, strict=True)
     }
-    waypoints, bypassed = [start_xy], []
-    for k, point in enumerate(path):
+    changes = {
+        "robot_radius_m": config.robot_radius_m,
+        "start_moved_m": moved["start"],
+        "goal_moved_m": moved["goal"],
+        "waypoints_moved_m": max(moved.values()),
+        "floor_gap_m": float(np.abs(list(gap_of.values())).max()),
+        "detours": sum(detours for _, detours in fitted),
+        "nudges": [
+            {"point": name, "moved_m": round(moved[name], 4)} for name in names if moved.get(name)
+        ],
+        "height_snaps": [
+            {"point": name, "moved_m": round(-float(gap_of[name]), 4)}
+            for name in names
+            if abs(gap_of.get(name, 0.0)) > config.recorded_snap_m
+        ],
+        "bypassed": bypassed,
+        "length_m": [round(path_length(path), 3), round(path_length(whole), 3)],
+    }
+    if staircases:
+        storeys = Storeys.of(bundle, staircases, config.free_height_m)
+        geodesic = float(storeys.distance(whole[-1]).at(whole[0]))
+    else:
+        ((_, places),) = placed
+        field = distance_field(parts[0].freemap, places[-1], AGENT_RADIUS_M)
+        geodesic = float(field.at(places[0]))
+    return FittedPath(levels, staircases, whole, _yaw(to_world, raw), geodesic, changes)
+
+
+def _around_stairs(
+    freemaps: Sequence[Freemap], points: Array, names: list[str], climb: Climb, line: Array
+) -> list[_Part]:
+    """Return the parts of a path (P, 3) before and behind the middle line (K, 3) of its stairs."""
+    count = len(points)
+    before = list(range(climb.before))
+    behind = list(range(count - climb.behind, count))
+    # Points past a line's end would lead back to it.
+    while len(before) > 1 and _is_past(points[before[-1]], line[0], line):
+        before.pop()
+    while len(behind) > 1 and _is_past(points[behind[0]], line[-1], line):
+        behind.pop(0)
+    parts = []
+    for level, own, called in (
+        (climb.levels[0], [*points[before], line[0]], [*(names[k] for k in before), _STAIRS]),
+        (climb.levels[1], [line[-1], *points[behind]], [_STAIRS, *(names[k] for k in behind)]),
+    ):
+        points_m = np.array(own)
+        (gaps,) = level_gaps([freemaps[level]], points_m)
+        gaps = np.where(np.isinf(gaps), 0.0, gaps)
+        parts.append(_Part(freemaps[level], points_m, called, gaps))
+    return parts
+
+
+def _is_past(point: Array, end: Array, line: Array) -> bool:
+    """Return whether a point (3,) is beside a line (K, 3) rather than before its end."""
+    return float(distances_to_path(point[None], line)[0]) < np.linalg.norm(point - end) - 1e-6
+
+
+def _placed(
+    part: _Part, config: AlignConfig, moved: dict[str, float], bypassed: list[dict[str, Any]]
+) -> tuple[NDArray[np.bool_], list[Array]]:
+    """Return the connected free floor of a part, and the places (2,) of its points on it.
+
+    Adds to `moved` how far points moved [m], by name, and to `bypassed` those without a place.
+    """
+    (start, *path, goal), freemap = part.points_m, part.freemap
+    if _STAIRS in part.names:  # starts and goals are compared where both are known
+        config = replace(config, goal_beyond_start=True)
+    free, start_xy, goal_xy = _connected_ends(freemap, start, goal, config)
+    moved[part.names[0]] = float(np.linalg.norm(start_xy - start[:2]))
+    moved[part.names[-1]] = float(np.linalg.norm(goal_xy - goal[:2]))
+    places = [start_xy]
+    for name, point in zip(part.names[1:-1], path, strict=True):
         place = _nearest(freemap, free, point, config.max_waypoint_nudge_m)
         if place is None:
-            bypassed.append({"waypoint": k, "position_world_m": np.round(point, 3).tolist()})
+            number = int(name.split()[-1])
+            position = np.round(point, 3).tolist()
+            bypassed.append({"waypoint": number, "position_world_m": position})
             continue
-        waypoints.append(place)
-        moved[f"waypoint {k}"] = float(np.linalg.norm(place - point[:2]))
+        places.append(place)
+        moved[name] = float(np.linalg.norm(place - point[:2]))
+    return free, [*places, goal_xy]
+
+
+def _check(
+    moved: Mapping[str, float],
+    bypassed: Sequence[Mapping[str, Any]],
+    path: Array,
+    config: AlignConfig,
+    *,
+    over_stairs: bool,
+) -> None:
+    """Raise RejectedError if too much of a path (P, 3) would be changed."""
+    if over_stairs and _too_far((moved["start"], moved["goal"]), config):
+        raise RejectedError(
+            f"the goal at {_place(path[-1])} would be moved by {moved['goal']:.2f} m, the start by "
+            f"{moved['start']:.2f} m; goals are moved no farther than their starts, unless "
+            "--goal-beyond-start is given"
+        )
     allowed = config.max_bypassed_share * max(1, len(path) - 2)
     if len(bypassed) > allowed:
         where = ", ".join(str(entry["waypoint"]) for entry in bypassed)
@@ -77,32 +217,6 @@ def fit_path(
             f"{config.robot_radius_m:g} m reaches; at most {config.max_bypassed_share:g} of the "
             "inner ones may be bypassed"
         )
-    whole, detours = _passable(freemap, free, [*waypoints, goal_xy], config)
-    changes = {
-        "robot_radius_m": config.robot_radius_m,
-        "start_moved_m": moved["start"],
-        "goal_moved_m": moved["goal"],
-        "waypoints_moved_m": max(moved.values()),
-        "floor_gap_m": float(np.abs(gaps).max()),
-        "detours": detours,
-        "nudges": [
-            {"point": name, "moved_m": round(moved[name], 4)} for name in names if moved.get(name)
-        ],
-        "height_snaps": [
-            {"point": name, "moved_m": round(-float(gap), 4)}
-            for name, gap in zip(names, gaps, strict=True)
-            if abs(gap) > config.recorded_snap_m
-        ],
-        "bypassed": bypassed,
-        "length_m": [round(path_length(path), 3), round(path_length(whole), 3)],
-    }
-    return FittedPath(
-        level,
-        whole,
-        _yaw(to_world, raw),
-        float(distance_field(freemap, goal_xy, AGENT_RADIUS_M).at(start_xy)),
-        changes,
-    )
 
 
 def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
