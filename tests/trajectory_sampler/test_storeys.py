@@ -5,6 +5,7 @@ from collections import Counter
 from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def building(tmp_path_factory: pytest.TempPathFactory) -> SceneBundle:
     return write_two_storeys(tmp_path_factory.mktemp("building"))
 
 
-def sample(bundle: SceneBundle, seed: int = 0, **changes) -> SampleResult:
+def sample(bundle: SceneBundle, seed: int = 0, **changes: Any) -> SampleResult:
     return sample_episodes(bundle, replace(CONFIG, **changes), np.random.default_rng(seed))
 
 
@@ -113,7 +114,7 @@ def test_new_paths_keep_away_from_known_ones_over_the_same_stairs(building: Scen
     ],
 )
 def test_a_scene_without_a_way_up_says_of_each_staircase_why(
-    building: SceneBundle, changes: dict[str, float], reasons: str
+    building: SceneBundle, changes: dict[str, Any], reasons: str
 ) -> None:
     with pytest.raises(SceneError) as caught:
         sample(building, patience=3, **changes)

@@ -164,7 +164,8 @@ def _around_stairs(
 
 def _is_past(point: Array, end: Array, line: Array) -> bool:
     """Return whether a point (3,) is beside a line (K, 3) rather than before its end."""
-    return float(distances_to_path(point[None], line)[0]) < np.linalg.norm(point - end) - 1e-6
+    beside = distances_to_path(point[None], line)[0]
+    return bool(beside < np.linalg.norm(point - end) - 1e-6)
 
 
 def _placed(
