@@ -229,9 +229,10 @@ def goal_rooms(bundle: SceneBundle, episodes: Sequence[Episode]) -> list[str]:
     regions = regions_of(bundle)
     names = []
     for episode in episodes:
-        level = regions[episode.level]
+        own = episode.levels[-1]
+        level = regions[own]
         number = int(level.at(episode.goal_position_world_m[:2]))
         kind = level.names[number] if number >= 0 else ""
-        floor = f" of level {episode.level}" if len(regions) > 1 else ""
+        floor = f" of level {own}" if len(regions) > 1 else ""
         names.append(f"{kind or 'room'} {number}{floor}" if number >= 0 else f"no room{floor}")
     return names
