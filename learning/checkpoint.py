@@ -8,7 +8,8 @@ from pathlib import Path
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load, save
-from torch import Tensor
+from torch import Tensor, nn
+from torch.overrides import TorchFunctionMode
 
 from ..formats.core.atomic import write_bytes
 from ..formats.core.errors import FileFormatError, InputError
@@ -32,6 +33,20 @@ class Checkpoint:
     card: Card
     model: Model
     sha256: str
+
+
+class _Unfilled(TorchFunctionMode):
+    """Leave out normal random numbers: where there is no memory they would import a compiler.
+
+    PyTorch's compiler takes a second, asks for the user's name and makes a folder.
+    """
+
+    def __torch_function__(self, func, types, args=(), kwargs=None):
+        """See `TorchFunctionMode`."""
+        values = kwargs or {}
+        if func in (torch.Tensor.normal_, nn.init.normal_):
+            return args[0] if args else values["tensor"]
+        return func(*args, **values)
 
 
 def save_checkpoint(path: Path, model: Model, card: Card) -> None:
@@ -61,7 +76,7 @@ def load_checkpoint(path: Path) -> Checkpoint:
     """
     card, digest = read_card(path)
     # Of a model without memory: a card may describe more than any machine has.
-    with torch.device("meta"):
+    with torch.device("meta"), _Unfilled():
         shapes = build_model(card.tokens, card.config.model, pretrained=False).state_dict()
     most = HEADER_BYTES + sum(value.numel() * BYTES_PER_WEIGHT for value in shapes.values())
     raw = read_input(path, max_bytes=most)

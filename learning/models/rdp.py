@@ -56,7 +56,7 @@ class Rdp(nn.Module):
         self.encode = block(nn.TransformerEncoderLayer)
         self.decode = nn.ModuleList(block(nn.TransformerDecoderLayer) for _ in range(config.layers))
         self.enter = nn.Linear(3, hidden)
-        self.order = nn.Parameter(torch.randn(FUTURE, hidden) * 0.1)
+        self.order = nn.Parameter(nn.init.normal_(torch.empty(FUTURE, hidden), std=0.1))
         self.level = nn.Sequential(nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, hidden))
         self.leave = nn.Linear(hidden, 3)
         self.end_attention = block(nn.TransformerEncoderLayer)

@@ -56,8 +56,10 @@ class Senses(nn.Module):
         super().__init__()
         self.rgb = rgb_encoder(config, pretrained=pretrained)
         self.depth = CompactEncoder(1, config.channels)
-        self.rgb_place = nn.Parameter(torch.randn(GRID * GRID, _PLACE_WIDTH) * 0.1)
-        self.depth_place = nn.Parameter(torch.randn(GRID * GRID, _PLACE_WIDTH) * 0.1)
+        self.rgb_place, self.depth_place = (
+            nn.Parameter(nn.init.normal_(torch.empty(GRID * GRID, _PLACE_WIDTH), std=0.1))
+            for _ in range(2)
+        )
         self.rgb_width = self.rgb.features + _PLACE_WIDTH
         self.depth_width = self.depth.features + _PLACE_WIDTH
         self._inputs = config.inputs
