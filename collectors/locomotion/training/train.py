@@ -129,7 +129,7 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
         settings = {**ppo_config(phase, seed), "multi_gpu": None}
         runner = OnPolicyRunner(env, settings, device=arguments.device)
         if checkpoint.exists():
-            runner.load(str(checkpoint))
+            runner.load(str(checkpoint), map_location=arguments.device)
         elif base is not None:
             # At first nothing is added to the gait that is there.
             for parameter in runner.alg.get_policy().mlp[-1].parameters():

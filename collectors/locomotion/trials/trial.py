@@ -22,6 +22,7 @@ from ..runtime.policy import GaitPolicy
 from ..runtime.sensors import Simulation
 from ..runtime.step import base_pose
 from .pipe import TargetPipe
+from .seen_ground import SeenGround
 from .terrain import Terrain
 
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
@@ -37,12 +38,14 @@ class Conditions:
     Attributes:
         friction: of the feet, or None for the robot's own.
         latency_substeps: physics steps by which every action comes late.
+        map_errors: a footing sees the ground in the map of a depth camera; see `SeenGround`.
         push_m_s, push_every_s: kicks of the base in random directions; none where 0.
     """
 
     terrain: Terrain = field(default_factory=Terrain)
     friction: float | Array | None = None
     latency_substeps: int | NDArray[np.intp] = 0
+    map_errors: bool = False
     push_m_s: float = 0.0
     push_every_s: float = 3.0
 
@@ -153,6 +156,8 @@ class Trial:
         seed = int(rng.integers(2**32)) if policy.estimates else None
         # As in a replay, where a footing sees the ground on stairs alone.
         ground = conditions.terrain if conditions.terrain.lanes else None
+        if ground is not None and conditions.map_errors:
+            ground = SeenGround(ground, n, rng)
         self._step = policy.steps(simulation, model, h, seed, ground)
         self._output = np.zeros(self._step.action.shape, dtype=np.float32)
         self._soles = self._look_at_soles() if watch_feet else None

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from .....formats.core.arrays import Array, Mask
 from .....formats.core.frames import wrap_angle
+from ...trials.seen_ground import SeenGround
 from ...trials.terrain import LANE_M, Terrain
 from ...trials.trial import STEP_S
 
@@ -15,8 +16,6 @@ HEADING_GAIN, SIDE_GAIN, SIDE_M_S = 2.5, 2.0, 0.25  # as of `PathController`
 ASKEW_RAD = 0.8  # a robot turned farther turns on the spot
 # Of the commanded way, what counts as climbed and as stuck; on the way slopes and turns take some.
 CLIMBED, STUCK, LEAST_M = 0.5, 0.35, 1.5
-# A map of a depth camera: errors of every height, and of where all of it is.
-NOISE_M, SHIFT_M = 0.02, 0.02
 
 
 class Course:
@@ -138,22 +137,6 @@ class Stairs(Course):
         """Return how many episodes of each lane climbed, and ended, (L, 2), since the last call."""
         walks, self._walks = self._walks, np.zeros_like(self._walks)
         return walks
-
-
-class SeenGround:
-    """A terrain in the maps of robots' depth cameras: shifted, and every height a little off."""
-
-    def __init__(self, terrain: Terrain, count: int, rng: np.random.Generator) -> None:
-        self._terrain, self._rng, self._shift = terrain, rng, np.zeros((count, 1, 2))
-
-    def renew(self, robots: NDArray[np.intp]) -> None:
-        """Shift the maps of some robots otherwise."""
-        self._shift[robots] = self._rng.uniform(-SHIFT_M, SHIFT_M, (len(robots), 1, 2))
-
-    def at(self, xy_m: Array) -> Array:
-        """Return heights under points (N, K, 2) of N robots [m]."""
-        height = self._terrain.at(xy_m + self._shift)
-        return height + self._rng.uniform(-NOISE_M, NOISE_M, height.shape)
 
 
 def course(terrain: Terrain, count: int, rng: np.random.Generator) -> Course:
