@@ -37,8 +37,9 @@ ALIENGO = get_robot("aliengo")
 
 @pytest.fixture(scope="module")
 def footed() -> GaitPolicy:
-    """The installed gait."""
-    return GaitPolicy.load(ALIENGO)
+    """The installed gait, without what it learned on stairs."""
+    installed = GaitPolicy.load(ALIENGO)
+    return GaitPolicy(ALIENGO, installed.card, installed.network)
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +212,13 @@ def test_feet_are_put_flat_on_treads(footed: GaitPolicy):
 
 
 @pytest.mark.chain
+@pytest.mark.slow
+@pytest.mark.parametrize("hard", (False, True))
+def test_the_installed_gait_climbs_stairs_of_houses(hard: bool):
+    row = climb(GaitPolicy.load(ALIENGO), 0.17, 8, np.random.default_rng(3), hard=hard)
+    assert min(row["up_arrived"], row["down_arrived"]) >= 0.8
+
+
 def test_a_footing_alone_climbs_where_the_plain_gait_does_not(
     plain: GaitPolicy, footed: GaitPolicy
 ):
