@@ -14,7 +14,7 @@ from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from .geometry import clip, clip_command, wrap_angle
 from .interface import STOPPED, Decision, Pose, Task
 
-PACE_M_S = 0.32  # what a footing without learning climbs best at
+PACE_M_S = 0.4  # on stairs and near to them; see `World.paced`
 STRAIGHT_RAD = math.radians(10.0)  # runs whose directions differ by less are one
 
 

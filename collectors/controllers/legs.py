@@ -19,7 +19,7 @@ class LegsController:
             FlightController(leg) if leg.is_stairs else PathController(leg, config)
             for leg in task.legs
         ]
-        self._at = 0
+        self._at, self._since_s = 0, 0.0
 
     @property
     def nominal_s(self) -> float:
@@ -30,11 +30,11 @@ class LegsController:
         """See `Controller.step`."""
         notes: tuple[tuple[str, str], ...] = ()
         while True:
-            decision = self._controllers[self._at].step(time_s, pose)
+            decision = self._controllers[self._at].step(time_s - self._since_s, pose)
             notes += decision.notes
             if not decision.done or self._at == len(self._controllers) - 1:
                 return replace(decision, notes=notes)
-            self._at += 1
+            self._at, self._since_s = self._at + 1, time_s
 
 
 class LegsExpert:

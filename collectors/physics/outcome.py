@@ -1,6 +1,7 @@
 """The ends of an episode other than the robot's own decision.
 
-Fall and stuck follow the VLN-PE paper (see the design, §2).
+Fall and stuck follow the VLN-PE paper (see the design, §2); on stairs, pitch counts against the
+slope underfoot.
 """
 
 import math
@@ -14,6 +15,8 @@ from ...formats.core.rollout import EndReason
 from ...formats.process.kernel import kernel
 from ..robots import POLICY_DECIMATION, FallThresholds, RobotHandles
 from .floor_surface import FloorSurface
+from .ground import Ground, slopes
+from .joined_floor import JoinedFloor
 
 
 @dataclass(frozen=True)
@@ -42,17 +45,29 @@ class OutcomeConfig:
 
 
 class OutcomeWatch:
-    """Looks at the robot after every policy step, 20 ms."""
+    """Looks at the robot after every policy step, 20 ms.
+
+    Attributes:
+        tilt: the last posture that would have been a fall on level ground, but is none on the slope
+            of stairs; empty if there was none.
+    """
 
     def __init__(
         self,
         data: mujoco.MjData,
         handles: RobotHandles,
         fall: FallThresholds,
-        surface: FloorSurface,
+        surface: FloorSurface | JoinedFloor,
         config: OutcomeConfig,
+        ground: Ground | None = None,
     ) -> None:
+        """Prepare to watch a robot.
+
+        Args:
+            ground: with stairs, on which its pitch counts against the slope.
+        """
         self._fall, self._surface, self._config = fall, surface, config
+        self._ground = ground
         # Views of the simulation's memory: access through `data` costs more than the check.
         self._base = data.qpos[handles.root_qpos : handles.root_qpos + 7]
         self._qvel, self._geom_xpos = data.qvel, data.geom_xpos
@@ -60,6 +75,8 @@ class OutcomeWatch:
         self._feet = np.asarray(handles.sole_geoms.ravel(), dtype=np.int64)
         self._root_dof = handles.root_dof
         self._foot_radius = handles.sole_radius_m.ravel()
+        self._base_height_m = handles.robot.base_height_m
+        self.tilt = ""
         # Poses of the policy steps, or of the beginnings of actions, that stuck is judged over.
         self._trace: deque[tuple[float, float, float]] = deque(
             maxlen=config.stuck_actions + 1
@@ -101,14 +118,25 @@ class OutcomeWatch:
     def down(self) -> str | None:
         """Describe a posture that is a fall at this instant; None for any other."""
         fall = self._fall
-        x, y, _, roll, pitch, height = self._posture()
+        x, y, yaw, roll, pitch, height = self._posture()
         if abs(roll) > fall.roll_rad:
             return f"roll {math.degrees(roll):.0f}°"
+        slope = self._slope(x, y, yaw)
+        # A nose that points up counts as a negative pitch.
+        if abs(pitch + slope) > fall.pitch_rad:
+            on = f" on a slope of {math.degrees(slope):.0f}°" if slope else ""
+            return f"pitch {math.degrees(pitch):.0f}°{on}"
         if abs(pitch) > fall.pitch_rad:
-            return f"pitch {math.degrees(pitch):.0f}°"
+            self.tilt = f"pitch {math.degrees(pitch):.0f}°"
         if height < fall.com_to_foot_m:
             return f"centre of mass {height:.2f} m above the lowest foot"
-        return None if self._surface.is_solid(x, y) else f"no floor at ({x:.2f}, {y:.2f})"
+        solid = self._surface.is_solid(x, y, float(self._base[2]) - self._base_height_m)
+        return None if solid else f"no floor at ({x:.2f}, {y:.2f})"
+
+    def _slope(self, x_m: float, y_m: float, yaw_rad: float) -> float:
+        if self._ground is None:
+            return 0.0
+        return float(slopes(self._ground, np.array([[x_m, y_m, yaw_rad]]))[0])
 
     @property
     def position_m(self) -> tuple[float, float]:

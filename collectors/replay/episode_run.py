@@ -35,6 +35,7 @@ from ..controllers import (
     Teleporter,
     controller_for,
 )
+from ..physics.ground import STOREY_M
 from ..physics.outcome import OutcomeWatch
 from ..robots import POLICY_DECIMATION, TIMESTEP_S
 from .config import ReplayConfig
@@ -42,8 +43,10 @@ from .ending import Ending
 from .metrics import rollout_metrics
 from .recorder import Recorder
 from .rollout_facts import expert_labels, provenance
+from .tasks import task_of
 from .world import World
 
+TILT_EVENT = "tilt"  # kind of the first posture on stairs that were a fall on level ground
 STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
 
@@ -111,7 +114,7 @@ class EpisodeRun:
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(
-            world.data, world.handles, world.robot.fall, world.surface, config.outcome
+            world.data, world.handles, world.robot.fall, world.surface, config.outcome, world.ground
         )
         self.events: list[Event] = []
         self.actions: list[tuple[Action, int]] = []
@@ -134,16 +137,9 @@ class EpisodeRun:
 
         Without physics in between, the whole episode is done here.
         """
-        x, y, _ = self.episode.start_position_world_m.tolist()
-        self.task = task = Task(
-            reference_xy_m=self.episode.reference_path_world_m[:, :2],
-            goal_xy_m=self.episode.goal_position_world_m[:2],
-            freemap=self.world.freemap,
-            radius_m=self.world.robot.footprint_radius_m,
-            limits=self.world.robot.command_limits,
-            goal_tolerance_m=self.config.outcome.success_m,
-            coasting=Coasting() if self.entry.teleports else self.world.coasting,
-        )
+        x, y, z = self.episode.start_position_world_m.tolist()
+        coasting = Coasting() if self.entry.teleports else self.world.coasting
+        self.task = task = task_of(self.world, self.episode, self.config, coasting)
         self.facts["coasting"] = asdict(task.coasting)
         if self.choose is not None:
             self.task = task = replace(task, chooser=self.choose(task))
@@ -153,6 +149,7 @@ class EpisodeRun:
         self.world.spawn(
             Pose(x, y, self.episode.start_yaw_rad),
             rng.normal(0.0, noise_rad, len(self.world.robot.joints)),
+            z,
         )
         estimated = self.config.state == "estimated"
         self.world.gait.reset(int(rng.integers(2**32)) if estimated else None)
@@ -234,7 +231,7 @@ class EpisodeRun:
         decision = self.controller.step(self.tick / STATE_RATE_HZ, self.world.pose)
         if self.on_decision is not None:
             self.on_decision(self.tick, decision)
-        self.command = decision.command
+        self.command = self.world.paced(decision.command)
         for kind, detail in decision.notes:
             self._note(kind, detail)
         if decision.action is not None:
@@ -259,6 +256,9 @@ class EpisodeRun:
             return EndReason.DIVERGED
         self._watch_contacts(self.tick)
         verdict = None if ending.fallen else self.watch.check()
+        if self.watch.tilt and not any(event.kind == TILT_EVENT for event in self.events):
+            self._note(TILT_EVENT, self.watch.tilt)
+        self.watch.tilt = ""
         if verdict is None:
             ending.look(self.tick)
             return None
@@ -302,7 +302,9 @@ class EpisodeRun:
         self.facts.pop("diverged_state", None)
 
     def _copied(self, controller: Controller) -> Controller:
-        shared = (self.task, *vars(self.task).values(), getattr(controller, "source", None))
+        tasks = (self.task, *self.task.legs)
+        shared = (*tasks, *(v for task in tasks for v in vars(task).values()))
+        shared = (*shared, getattr(controller, "source", None))
         return deepcopy(controller, {id(value): value for value in shared})
 
     @property
@@ -313,8 +315,10 @@ class EpisodeRun:
     def _stop(self) -> EndReason:
         """Return whether a stop here is a success."""
         pose = self.world.pose
-        x, y = self.episode.goal_position_world_m[:2].tolist()
+        x, y, z = self.episode.goal_position_world_m.tolist()
         near = math.hypot(pose.x_m - x, pose.y_m - y) <= self.config.outcome.success_m
+        if self.world.staircase is not None:
+            near &= abs(self.world.foot_z_m - z) < STOREY_M
         return EndReason.SUCCESS if near else EndReason.STOPPED_FAR
 
     def _jump(self, teleporter: Teleporter) -> EndReason:
@@ -332,7 +336,7 @@ class EpisodeRun:
             self.recorder.repeat(hold - 1)
             if jump.action is Action.STOP:
                 return self._stop()
-            world.spawn(jump.pose)
+            world.spawn(jump.pose, near_z_m=world.foot_z_m)
             inside = world.in_collision()
             if inside:
                 self._note("collision_target", ", ".join(sorted(inside)))

@@ -81,7 +81,9 @@ class Recorder:
             "foot_contact": sensors[:, handles.foot_touch] > TOUCH_N,
             "foot_force_n": sensors[:, handles.foot_touch],
             "imu": np.concatenate(imu, axis=1),
-            "floor_z_m": self._world.surface.height_at(position[:, :2]),
+            "floor_z_m": self._world.surface.height_at(
+                position[:, :2], position[:, 2] - self._world.robot.base_height_m
+            ),
         }
 
     def _grow(self) -> None:

@@ -45,7 +45,8 @@ def replay_episode(
     robot = get_robot(config.robot)
     controller_for(robot, config.controller)
     physics = config.physics.for_episode(episode)
-    world = open_world(bundle, episode.level, robot, None, physics, cache_dir)
+    staircase = next(iter(episode.staircases), None)
+    world = open_world(bundle, episode.level, robot, None, physics, cache_dir, staircase)
     return replay_in(world, episode, config)
 
 

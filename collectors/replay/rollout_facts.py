@@ -8,7 +8,7 @@ import mujoco
 from ...formats.core.arrays import Array
 from ...formats.core.frames import quat_to_yaw
 from ...formats.core.rollout import DISCRETE_RATE_HZ, STATE_RATE_HZ, Action
-from ..controllers import Expert, Pose, Task
+from ..controllers import Pose, Task, expert_for
 from ..locomotion.runtime import GaitPolicy
 from ..locomotion.runtime.gait import RATE_HZ
 from ..robots import TIMESTEP_S
@@ -24,7 +24,7 @@ def expert_labels(task: Task, position_world_m: Array, quat_wxyz: Array) -> tupl
         quat_wxyz: (N, 4).
     """
     every = STATE_RATE_HZ // DISCRETE_RATE_HZ
-    expert = Expert(task)
+    expert = expert_for(task)
     yaws = quat_to_yaw(quat_wxyz[::every]).tolist()
     return tuple(
         expert.next_action(Pose(x, y, yaw))
@@ -37,11 +37,13 @@ def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[s
     gait = None if teleports else world.gait
     walks = isinstance(gait, GaitPolicy)
     floor = mujoco.mjtGeom(int(world.model.geom("floor").type[0]))
+    stairs = gait.stairs if walks and world.ground else None
     return {
         "seed": config.seed,
         "robot_mass_kg": world.robot.mass_kg,
         "robot_physics": world.physics_hash,
         "policy_sha256": gait.card.network_sha256 if walks else None,
+        **({"stairs_policy_sha256": stairs.card.network_sha256} if stairs else {}),
         "policy_state": config.state if walks else None,
         "controller_config": asdict(getattr(config, config.controller)),
         "timestep_s": TIMESTEP_S,

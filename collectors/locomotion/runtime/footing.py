@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from ....formats.core.arrays import Array
+from ...physics.ground import Ground
 from .footholds import FootingTables
 from .gait import RATE_HZ, GaitClock
 
@@ -22,14 +23,6 @@ POWERS = tuple((i, n - i) for n in range(1, 6) for i in range(n + 1))
 UNEVEN_M = 0.045
 SLOPE_S = 0.16  # time constant of the slope under a robot
 SERVO_S = 0.05  # and of joints that follow their targets
-
-
-class Ground(Protocol):
-    """Ground under robots."""
-
-    def at(self, xy_m: Array) -> Array:
-        """Return the height under points (..., 2) in the world [m]."""
-        ...
 
 
 @dataclass(frozen=True)

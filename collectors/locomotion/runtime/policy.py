@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from ....formats.core.arrays import Array
 from ....formats.core.errors import FileFormatError
 from ....formats.untrusted.files import read_input
+from ...physics.ground import Ground
 from ...robots import CARD_NAME, NETWORK_NAMES, RobotHandles, RobotSpec
 from .card import POLICY_FOLDER, PolicyCard, PolicyMismatchError, load_card
 from .estimator import StateEstimator
-from .footing import Ground
 from .network import Mlp, Network, decode_layers
 from .onnx_runtime import OnnxNetwork
 from .sensors import SensorErrors, Sensors, Simulation

@@ -8,10 +8,11 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 from ....formats.core.arrays import Array, Floats, Mask
 from ....formats.core.frames import quat_to_yaw
 from ....formats.process.kernel import kernel
+from ...physics.ground import Ground
 from ...robots import CommandLimits, RobotHandles
 from .estimator import StateEstimator
 from .footholds import Footholds, FootingTables, place_feet, see_ground
-from .footing import UNEVEN_M, Footing, Ground
+from .footing import UNEVEN_M, Footing
 from .gait import ClockState, GaitClock, GaitTables, aim_at, catch, refer, tick
 from .observation import Places, body_width, layout, observe, true_body
 from .sensors import Sensors

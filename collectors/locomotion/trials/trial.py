@@ -10,6 +10,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from ....formats.core.arrays import Array, Mask
+from ...physics.ground import slopes
 from ...robots import (
     POLICY_DECIMATION,
     TIMESTEP_S,
@@ -27,7 +28,6 @@ from .terrain import Terrain
 
 STEP_S = TIMESTEP_S * POLICY_DECIMATION
 TOUCH_N = 1.0  # as in a rollout's record
-AHEAD_M = np.linspace(-0.5, 0.5, 26)  # of a base: where the slope of stairs is measured
 FLAT_M = 0.004  # soles this much above a foot's lowest one rest on the ground with it
 
 
@@ -83,9 +83,7 @@ def levelled(gravity: Array, terrain: Terrain, pose: Array) -> Array:
     """
     if not terrain.blocks:
         return gravity
-    ahead = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=-1)
-    height = terrain.at(pose[:, None, :2] + AHEAD_M[:, None] * ahead[:, None])
-    slope = np.arctan(height @ AHEAD_M / np.sum(AHEAD_M**2))
+    slope = slopes(terrain, pose)
     cosine, sine, (x, y, z) = np.cos(slope), np.sin(slope), gravity.T
     return np.column_stack([cosine * x - sine * z, y, sine * x + cosine * z])
 

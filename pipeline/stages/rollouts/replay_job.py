@@ -117,12 +117,18 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
 def open_level(scene: Path, episode: Episode, walker: Walker, models: Path) -> World:
     """Return the opened level of an episode; `models` keeps compiled models."""
     physics = walker.config.physics.for_episode(episode)
-    return _opened(scene, episode.level, walker.robot, physics, models)
+    staircase = next(iter(episode.staircases), None)
+    return _opened(scene, episode.level, staircase, walker.robot, physics, models)
 
 
 # Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
 @lru_cache(maxsize=4)
 def _opened(
-    scene: Path, level: int, robot: RobotSpec, physics: LevelModelConfig, models: Path
+    scene: Path,
+    level: int,
+    staircase: int | None,
+    robot: RobotSpec,
+    physics: LevelModelConfig,
+    models: Path,
 ) -> World:
-    return open_world(load_bundle(scene), level, robot, None, physics, models)
+    return open_world(load_bundle(scene), level, robot, None, physics, models, staircase)
