@@ -44,26 +44,32 @@ class JoinedFloor:
         """
         xy = np.asarray(xy_m, dtype=np.float64)
         near = np.broadcast_to(np.asarray(near_z_m, dtype=np.float64), xy.shape[:-1])
-        lower, upper = self.lower.height_at(xy), self.upper.height_at(xy)
-        # Where a level has no floor, the other one may.
-        away = [
-            np.abs(z - near) + np.where(_covered(level.floor, level.solid, xy)[0], 0.0, 1000.0)
-            for level, z in ((self.lower, lower), (self.upper, upper))
-        ]
-        level = np.where(away[0] <= away[1], lower, upper)
         on_stairs, tread = _covered(self.stairs, self.stairs.covered, xy)
+        lower, upper = self._level(self.lower, xy), self._level(self.upper, xy)
+        # Where one level has no floor, the other one may.
+        away = [np.abs(z - near) + np.where(solid, 0.0, 1000.0) for solid, z in (lower, upper)]
+        level = np.where(away[0] <= away[1], lower[1], upper[1])
         return np.where(on_stairs & (np.abs(tread - near) < NEAR_M), tread, level)
 
     def is_solid(self, x_m: float, y_m: float, near_z_m: float) -> bool:
         """Return whether there is floor to stand on at a point and near to a height [m]."""
         xy = np.array([x_m, y_m])
-        on_stairs, tread = _covered(self.stairs, self.stairs.covered, xy)
-        if on_stairs and abs(tread - near_z_m) < NEAR_M:
-            return True
-        return any(
-            level.is_solid(x_m, y_m) and abs(level.height_at(xy) - near_z_m) < NEAR_M
-            for level in (self.lower, self.upper)
+        sheets = (
+            _covered(self.stairs, self.stairs.covered, xy),
+            self._level(self.lower, xy),
+            self._level(self.upper, xy),
         )
+        return any(bool(solid) and abs(float(z) - near_z_m) < NEAR_M for solid, z in sheets)
+
+    def _level(self, level: FloorSurface, xy: Array) -> tuple[Mask, Array]:
+        """Return whether a level has floor at points (..., 2), and its height there, both (...).
+
+        Over the stairs no floor reaches beyond the cells that are covered.
+        """
+        on_stairs, _ = _covered(self.stairs, self.stairs.covered, xy)
+        whole, _ = _covered(level.floor, level.floor.covered, xy)
+        wide, _ = _covered(level.floor, level.solid, xy)
+        return np.where(on_stairs, whole, wide), level.height_at(xy)
 
 
 def _covered(floor: Floor, cells: Mask, xy_m: Array) -> tuple[Mask, Array]:
