@@ -47,11 +47,6 @@ def legs_of(bundle: SceneBundle, episode: Episode) -> tuple[Leg, ...]:
     path, height_m = episode.reference_path_world_m, episode.free_height_m
     levels, staircases = episode.levels, episode.staircases
     name = f"episode {episode.episode_id} of {episode.scene_id}"
-    if len(levels) != len(staircases) + 1 or levels[0] != episode.level:
-        raise InputError(
-            f"{name}: staircases {list(staircases)} and levels {list(levels)}; valid: one level "
-            f"more than staircases, the first of them {episode.level}"
-        )
     cuts = [0]
     for k, (before, after) in zip(staircases, pairwise(levels), strict=True):
         for end_m in line_between(climbable_staircase(bundle, k), before, after)[[0, -1]]:

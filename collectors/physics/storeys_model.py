@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 # The upper floor's boxes differ from its record by no more than this, which no foot can feel.
 FLOOR_ERROR_M = 0.004
 FLOOR_THICK_M = 0.1
+# Boxes from below that end so little above the upper floor are its slab, rounded to voxels.
+SLAB_M = 0.06
 
 
 def storeys_model(
@@ -84,6 +86,8 @@ def build_storeys_model(
         stairs.cut_out(bundle.obstacles(upper)),
         bundle.stair_obstacles(staircase),
     ]
+    for k in (0, 2):
+        parts[k] = _under_floor(parts[k], bundle.level_floor_z_m[upper])
     for k, freemap in enumerate(maps):
         highest = float(np.max(freemap.floor_z_m[freemap.traversable], initial=-np.inf))
         top_m = highest + height_m + config.headroom_m
@@ -103,6 +107,15 @@ def build_storeys_model(
         int(np.count_nonzero(model.geom_bodyid == 0)),
     )
     return model
+
+
+def _under_floor(boxes: Obstacles, floor_z_m: float) -> Obstacles:
+    """Return boxes from below the upper floor without what of them is the floor itself."""
+    low, high = (boxes.center_m + side * boxes.half_m for side in (-1, 1))
+    slab = (high[:, 2] > floor_z_m - FLOOR_ERROR_M) & (high[:, 2] < floor_z_m + SLAB_M)
+    high[slab, 2] = floor_z_m - FLOOR_THICK_M / 2
+    here = high[:, 2] > low[:, 2]
+    return Obstacles((low + high)[here] / 2, (high - low)[here] / 2)
 
 
 def _add_floor_box(

@@ -29,7 +29,11 @@ class Episode:
         geodesic_distance_m: length of the shortest collision-free path.
         instruction: the instruction text; empty before the instruct stage.
         goal_radius_m: VLN-CE's success radius.
-        extra: further keys of the source file, kept as they are.
+        extra: further keys of the source file, kept as they are; over storeys also `staircases`
+            and `levels`, see the properties of these names.
+
+    Raises:
+        ValueError: the staircases and levels are no indices, or not one level more than staircases.
     """
 
     episode_id: str
@@ -45,6 +49,17 @@ class Episode:
     instruction: str = ""
     goal_radius_m: float = 3.0
     extra: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not {"staircases", "levels"} & self.extra.keys():
+            return
+        staircases, levels = self.staircases, self.levels
+        whole = all(isinstance(k, int) and k >= 0 for k in (*staircases, *levels))
+        if not whole or len(levels) != len(staircases) + 1 or levels[0] != self.level:
+            raise ValueError(
+                f"staircases {staircases!r} and levels {levels!r}; valid: indices, one level more "
+                f"than staircases, the first of them {self.level!r}"
+            )
 
     @property
     def free_height_m(self) -> float:

@@ -1,8 +1,11 @@
 """Distances and legs over storeys, in a building whose distances are known by geometry."""
 
+import gzip
+import json
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,10 +16,11 @@ from scipy.sparse.csgraph import shortest_path
 
 from tests.support.scenes.storeys import HEAD_X, LENGTH_M, LINE, TOP_M, write_two_storeys
 from vlnpe.formats.core.episode import Episode
-from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.core.geometry import path_length, point_along
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.freemap import Freemap
+from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.legs import legs_of
 from vlnpe.wayfinding.storeys import Storeys, ground_of
@@ -162,8 +166,6 @@ def test_a_path_on_one_level_is_one_leg(building: SceneBundle) -> None:
 @pytest.mark.parametrize(
     ("path", "extra", "reason"),
     [
-        (UP, {"staircases": [1]}, r"valid: one level more"),
-        (UP, {"staircases": [1], "levels": [1, 0]}, r"the first of them 0"),
         (UP, {"staircases": [0], "levels": [0, 1]}, r"is a spiral"),
         (UP, {"staircases": [7], "levels": [0, 1]}, r"valid: 0 … 1"),
         (UP[:3], {"staircases": [1], "levels": [0, 1]}, r"passes an end of staircase 1 at"),
@@ -175,3 +177,24 @@ def test_staircases_that_a_path_cannot_take_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=reason):
         legs_of(building, replace(episode(path), extra=dict(extra)))
+
+
+@pytest.mark.parametrize(
+    "extra",
+    [
+        {"staircases": [1]},
+        {"levels": [0, 1]},
+        {"staircases": [1], "levels": [1, 0]},
+        {"staircases": ["1"], "levels": [0, 1]},
+        {"staircases": [-1], "levels": [0, 1]},
+        {"staircases": 1, "levels": [0, 1]},
+    ],
+)
+def test_a_file_with_other_routes_is_damaged(extra: dict[str, Any], tmp_path: Path) -> None:
+    file = tmp_path / "train.json.gz"
+    write_episodes(file, [episode(UP, staircases=[1], levels=[0, 1])])
+    document = json.loads(gzip.decompress(file.read_bytes()))
+    document["episodes"][0]["info"]["vlnpe"]["extra"] = extra
+    file.write_bytes(gzip.compress(json.dumps(document).encode()))
+    with pytest.raises(FileFormatError, match=r"info\.vlnpe is damaged"):
+        read_episodes(file)
