@@ -10,7 +10,7 @@ from .fit import NEVER, WRONG, Fit, best, never, ramp
 from .ground import Ground
 
 _ON_M = 0.3  # who is so far up or down has taken the stairs
-_END_M = 0.5, 1.5  # from their top or bottom
+_END_M = 0.8, 1.8  # from their top or bottom
 
 
 def climbed(ground: Ground, claim: Claim) -> Fit:
@@ -45,7 +45,8 @@ def on_stairs(ground: Ground, claim: Claim) -> Fit:
         if not climb.up:
             ends = {"top": climb.along_m, "bottom": climb.to_m}
         if claim.place in ends:
-            off.append(np.abs(ground.along_m - ends[claim.place]))
+            on = (ground.along_m > climb.along_m) & (ground.along_m < climb.to_m)
+            off.append(np.abs(ground.along_m - ends[claim.place]) + _ON_M * on)
         else:
             third_m = (climb.to_m - climb.along_m) / 3.0
             middle = 0.5 * (climb.along_m + climb.to_m)

@@ -53,7 +53,8 @@ def unsaid(ground: Ground, said: Said) -> Costs:
             continue
         if ground.facts.on_stairs(turn.along_m):
             continue
-        if said.claim.kind == "climb" and _gets_on(ground, turn):
+        if said.claim.kind == "climb" and (to_m := _to_stairs_m(ground, turn)) < np.inf:
+            result[j] = min(cost, 1.0) * _LED * (to_m > _AT_STAIRS_M)
             continue
         led = np.where(_led_around(ground, said, turn), _LED, 1.0)
         off_m = [turn.along_m - climb.to_m for climb in ground.facts.climbs]
@@ -88,9 +89,10 @@ def left_out(
     return float(cost) * (_AT_EDGE if edge else 1.0)
 
 
-def _gets_on(ground: Ground, turn: TurnFact) -> bool:
-    """Return whether a turn is right before stairs."""
-    return any(0.0 <= c.along_m - turn.along_m <= _AT_STAIRS_M for c in ground.facts.climbs)
+def _to_stairs_m(ground: Ground, turn: TurnFact) -> float:
+    """Return how far stairs are behind a turn, inf if none follow [m]."""
+    off_m = (climb.along_m - turn.along_m for climb in ground.facts.climbs)
+    return min((m for m in off_m if m >= 0.0), default=np.inf)
 
 
 def _contradicted(ground: Ground, said: Said, turn: TurnFact) -> Mask:
@@ -110,8 +112,6 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     led = np.zeros(ground.places, dtype=bool)
     if said.straight and claim.side not in ("left", "right"):
         return led
-    if claim.kind == "climb":
-        return led | any(turn.along_m <= climb.along_m for climb in ground.facts.climbs)
     if claim.kind in ("door", "enter", "leave"):
         if claim.side == turn.side:
             return np.abs(onward) <= _BEFORE_DOOR_M
@@ -149,6 +149,8 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
     for j, first in enumerate(turns):
         here = any(low - _AT_LANDING_M <= first.along_m <= high for low, high in landings)
         if isinstance(first, ClimbFact) or (said.on_landing and landings and not here):
+            continue
+        if said.last.place in ("top", "bottom") and ground.facts.on_stairs(first.along_m):
             continue
         total = 0.0
         for after in range(j + 1, len(turns) + 1):

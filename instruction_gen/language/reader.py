@@ -123,7 +123,8 @@ class _Reader:
         starts, before = read_phrase(clause.tokens, 0), self.before
         if before is None or before.sentence != clause.sentence:
             return
-        if PREP_OF.get(clause.tokens[0].text) in _WAYS and not clause.says(*ORDINALS):
+        told = clause.says(*ORDINALS, "left", "right")
+        if PREP_OF.get(clause.tokens[0].text) in _WAYS and not told:
             clause.straight = clause.straight or before.straight  # "straight on and into the hall"
         if not starts:
             return
@@ -173,7 +174,7 @@ class _Reader:
                 at = stop and (clause.verb == "stop" or prep not in _WAYS)
                 claim = (stop_at if at else claim_of)(target, prep, clause)
                 if claim is not None and (target.what == "storey" or is_stairs(target)):
-                    claims += on_stairs(target, prep, clause, claim)
+                    claims += on_stairs(target, k, prep, clause, claim)
                 elif claim is not None:
                     last = claims[-1] if claims else claim
                     if last.what == "door" and claim.what == "room" and clause.says("is"):

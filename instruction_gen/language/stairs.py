@@ -7,7 +7,7 @@ from .claims import Claim
 from .clauses import Clause
 from .lexicon import OBJECT_PHRASES
 from .tables import closed
-from .words import PRONOUNS
+from .words import DETERMINERS, PRONOUNS
 
 _UP, _DOWN, _CLIMBS, _TAKES, _BEGINS = (
     closed(name) for name in ("up", "down", "climbs", "takes", "begins")
@@ -32,20 +32,30 @@ def look_for_stairs(clause: Clause) -> None:
             clause.place = _PLACES[word]
 
 
-def on_stairs(target: Claim, prep: str, clause: Clause, claim: Claim) -> list[Claim]:
-    """Return what a clause claims of stairs or of a storey, `claim` being that of any target."""
-    if any(c.kind == "climb" for c in clause.claims) and target.what == "thing":
-        return []
-    goes = clause.verb in ("go", "turn", "")
-    if target.what == "storey":
-        way = clause.way or _STOREY_WAYS.get(target.name, "") * (clause.verb == "go" and not prep)
-        climbs = way and goes and not clause.says(*_BEGINS)
-        told = any(c.kind == "climb" for c in clause.claims)
-        return [*[Claim("climb", way=way)] * bool(climbs and not told), claim]
+def on_stairs(target: Claim, k: int, prep: str, clause: Clause, claim: Claim) -> list[Claim]:
+    """Return what a clause claims of stairs or of a storey that is named at token `k`.
+
+    Args:
+        claim: what it would claim of any other target.
+    """
+    climbs = any(c.kind == "climb" for c in clause.claims)
+    goes = clause.verb in ("go", "turn", "leave", "")
     words = [token.text for token in clause.tokens]
+    while k and (words[k - 1] in DETERMINERS or words[k - 1] in ("to", "on", "onto", "into")):
+        k -= 1
+    near = k > 0 and words[k - 1] in _UP | _DOWN
+    if target.what == "storey":
+        adverb = target.name in _STOREY_WAYS and clause.verb == "go" and not prep
+        way = clause.way * near or _STOREY_WAYS.get(target.name, "") * adverb
+        if climbs or not (way and goes) or clause.says(*_BEGINS):
+            return [claim]
+        # "Head upstairs, turning left on the landing": one is not yet there.
+        return [Claim("climb", way=way), *[claim] * (target.name not in _STOREY_WAYS)]
+    if climbs:
+        return []
     to_take = prep == "to" and any(a == "to" and b in _TAKES for a, b in pairwise(words))
     taken = to_take or (not prep and (clause.says(*_TAKES) or (clause.way and goes)))
-    if (prep == "along" and clause.way and (goes or clause.verb == "leave")) or taken:
+    if (near and goes) or taken:
         place = "halfway" * (clause.place == "halfway")
         return [replace(target, kind="climb", way=clause.way, place=place)]
     kind = "reach" if clause.place and claim.kind == "see" else claim.kind
