@@ -24,7 +24,8 @@ def climbed(ground: Ground, claim: Claim) -> Fit:
         low, high = climb.along_m, climb.to_m
         if claim.place == "halfway":
             low, high = 0.85 * low + 0.15 * high, 0.15 * low + 0.85 * high
-        far.append(ramp(np.maximum(low + _ON_M - ground.along_m, ground.along_m - high), 0.4, 0.9))
+        off_m = np.maximum(low + _ON_M - ground.along_m, ground.along_m - high)
+        far.append(ramp(off_m, 0.2, 0.5))
         flights = 1 + len(climb.landings_m)
         told.append(WRONG * (max(claim.count, claim.ordinal) > flights))
         sided = claim.side in ("left", "right", "ahead")
@@ -55,10 +56,13 @@ def on_stairs(ground: Ground, claim: Claim) -> Fit:
     return best((1, ground.places), [(far, f"this is not the {claim.place} of the stairs")])
 
 
-def on_storey(ground: Ground, claim: Claim) -> Fit:
-    """Return what it costs to say that one is on a storey."""
+def on_storey(ground: Ground, claim: Claim, reached: bool) -> Fit:
+    """Return what it costs to say that one is on a storey, perhaps on one that stairs reach."""
     facts = ground.facts
     level = np.array([facts.level_at(along) for along in ground.along_m])
+    level[[facts.on_stairs(along) for along in ground.along_m]] = -1
+    if reached and facts.climbs:
+        level[ground.along_m < facts.climbs[0].to_m] = -1
     levels = storeys_called(ground, claim.name)
     other = NEVER * (~np.isin(level, levels) & (facts.levels > 1))
     return best((1, ground.places), [(other, f"this is not the {claim.name}")])

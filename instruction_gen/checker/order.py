@@ -92,7 +92,7 @@ class Alignment:
         if kind == "climb":
             return climbs.climbed(ground, claim)
         if what == "storey":
-            return climbs.on_storey(ground, claim)
+            return climbs.on_storey(ground, claim, said.last.kind == "climb")
         if is_stairs(claim) and claim.place in ("top", "bottom", "halfway") and ground.facts.climbs:
             return climbs.on_stairs(ground, claim)
         if kind == "avoid":
