@@ -86,7 +86,8 @@ def show_path(episode: Episode, facts: PathFacts, level: LevelFacts) -> str:
     put(points[0], "S")
     put(points[-1], "G")
     events = [f"{t.along_m:.1f} m {t.side} {abs(t.angle_deg):.0f}°" for t in facts.turns]
-    events += [f"{p.along_m:.1f} m into {p.to_room or 'next room'}" for p in facts.passages]
+    events += [f"{p.along_m:.1f} m into {p.to_room or 'next room'}" for p in facts.doors]
+    events += [f"{c.along_m:.1f} m {c.way} the stairs" for c in facts.climbs]
     head = f"{episode.episode_id}: {facts.length_m:.1f} m, {facts.visits[0].room or 'a room'}"
     lines = [head, *("".join(row).rstrip() for row in grid)]
     lines.append("  " + ", ".join(legend))

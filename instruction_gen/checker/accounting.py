@@ -189,6 +189,10 @@ def _contradictions(read: Sequence[Step], step: Step) -> list[str]:
     if (len(told) == len(meant) and told != meant) or unsaid:
         way = ", ".join(told) or "nowhere"
         problems.append(f"the words turn {way}, the claims {', '.join(meant)}")
+    ways, climbs = ({c.way for c in row if c.kind == "climb"} for row in (claims, step.claims))
+    if bool(ways) != bool(climbs) or (ways - {""} and climbs - {""} and ways != climbs):
+        way, own = (", ".join(sorted(row)) or "nowhere" for row in (ways, climbs))
+        problems.append(f"the words climb {way}, the claims {own}")
     stops, ends = ([c for c in row if c.kind == "stop" and c.name and c.what != "door"]
                    for row in (claims, step.claims))  # fmt: skip
     for stop in stops:

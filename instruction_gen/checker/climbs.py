@@ -16,7 +16,7 @@ _END_M = 0.8, 1.8  # from their top or bottom
 def climbed(ground: Ground, claim: Claim) -> Fit:
     """Return what it costs to say that stairs are taken, up or down as said."""
     way = f" {claim.way}" if claim.way else ""
-    climbs = [c for c in ground.facts.climbs if claim.way in ("", "up" if c.up else "down")]
+    climbs = [c for c in ground.facts.climbs if claim.way in ("", c.way)]
     if not climbs:
         return never(ground.places, f"the path takes no stairs{way}")
     far, told, sides = [], [], []
@@ -43,7 +43,7 @@ def on_stairs(ground: Ground, claim: Claim) -> Fit:
     off = [NEVER + 0.0 * ground.along_m]
     for climb in ground.facts.climbs:
         ends = {"bottom": climb.along_m, "top": climb.to_m}
-        if not climb.up:
+        if climb.way == "down":
             ends = {"top": climb.along_m, "bottom": climb.to_m}
         if claim.place in ends:
             on = (ground.along_m > climb.along_m) & (ground.along_m < climb.to_m)

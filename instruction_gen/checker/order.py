@@ -128,9 +128,7 @@ class Alignment:
         """Return what it costs to say that a room is not entered."""
         facts, names = self.ground.facts, self.ground.rooms(said.claim.name)
         if is_stairs(said.claim):
-            return NEVER * any(
-                said.claim.way in ("", "up" if c.up else "down") for c in facts.climbs
-            )
+            return NEVER * any(said.claim.way in ("", c.way) for c in facts.climbs)
         rooms = (
             self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave")
         )
@@ -317,5 +315,5 @@ class Alignment:
 def _event(event: TurnFact | ClimbFact) -> str:
     """Return what the path does, in words."""
     if isinstance(event, ClimbFact):
-        return f"the way {'up' if event.up else 'down'} the stairs"
+        return f"the way {event.way} the stairs"
     return f"the turn to the {event.side}"

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from ..facts.records import ClimbFact, PathFacts
+from ..facts.records import PathFacts
 from .grammar import pick
 from .moves import CLEAR_DEG, Move
 from .names import Names
@@ -16,7 +16,7 @@ def climb_event(move: Move, gap_m: float, facts: PathFacts, names: Names, taste:
     """Return the event of a move over stairs, `gap_m` behind the last."""
     climb, turn, rng = move.climb, move.turn, names.rng
     assert climb is not None
-    event = Event("climb", move.along_m, w=_way(climb), to_m=climb.to_m)
+    event = Event("climb", move.along_m, w=climb.way, to_m=climb.to_m)
     side = turn.side if turn and abs(turn.angle_deg) >= CLEAR_DEG else ""
     bends = {t.side for t in facts.turns if climb.holds(t.along_m)}
     kinds = ["climb", "climb_storey"] if not side else ["climb_turn"] * 2
@@ -36,9 +36,5 @@ def off_stairs(event: Event, facts: PathFacts) -> Event:
     for climb in facts.climbs:
         near = 0.0 <= event.along_m - climb.to_m <= _OFF_M
         if near and event.kind in ("turn", "again", "slight", "sharp", "turn_at", "turn_by"):
-            return Event("stairs_turn", event.along_m, s=event.s, w=_way(climb))
+            return Event("stairs_turn", event.along_m, s=event.s, w=climb.way)
     return event
-
-
-def _way(climb: ClimbFact) -> str:
-    return "up" if climb.up else "down"

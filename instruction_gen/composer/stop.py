@@ -41,7 +41,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         return _at(mark, facts, names, taste)
     climb = facts.climbs[-1] if facts.climbs else None
     if climb and length - climb.to_m <= _AT_STAIRS_M:
-        return Event("stop_stairs", length, w="up" if climb.up else "down")
+        return Event("stop_stairs", length, w=climb.way)
     since_door_m = _since_door_m(facts)
     if since_door_m <= _JUST_INSIDE_M:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))

@@ -32,9 +32,8 @@ def climbs_of(
         flat = np.abs(np.diff(line[:, 2])) < _FLAT_M
         bearing_deg = track.bearing_deg(corners[0] - BEFORE_M, line[0, :2])
         landings = _landings(corners, flat.tolist())
-        result.append(
-            ClimbFact(corners[0], corners[-1], level, level > before, bearing_deg, landings)
-        )
+        way = "up" if level > before else "down"
+        result.append(ClimbFact(corners[0], corners[-1], level, way, bearing_deg, landings))
     return tuple(result)
 
 

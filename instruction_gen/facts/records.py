@@ -77,7 +77,7 @@ class ClimbFact:
     Attributes:
         along_m, to_m: distances along the path of the first and the last riser [m].
         to_level: of the scene.
-        up: it leads up.
+        way: `up` or `down`.
         bearing_deg: direction to it from a metre and a half before, left is positive [deg].
         landings_m: from where to where each landing between its flights goes [m].
     """
@@ -85,7 +85,7 @@ class ClimbFact:
     along_m: float
     to_m: float
     to_level: int
-    up: bool
+    way: str
     bearing_deg: float
     landings_m: tuple[tuple[float, float], ...] = ()
 

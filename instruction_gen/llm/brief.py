@@ -66,6 +66,10 @@ def back_messages(text: str) -> list[dict[str, str]]:
 def brief(facts: PathFacts) -> dict[str, Any]:
     """Return the part of the facts that a text may need; labels are nouns of the lexicon here."""
     marks = [m for m in facts.landmarks if m.nameable]
+    stairs = [
+        {"after_m": round(c.along_m, 1), "until_m": round(c.to_m, 1), "way": c.way}
+        for c in facts.climbs
+    ]
     return {
         "length_m": round(facts.length_m),
         "rooms": [v.room or "a room" for v in facts.visits],
@@ -74,9 +78,10 @@ def brief(facts: PathFacts) -> dict[str, Any]:
             for t in facts.turns
             if abs(t.angle_deg) >= 35 and t.along_m < facts.length_m - 0.7
         ],
+        **({"stairs": stairs} if stairs else {}),
         "doorways": [
             {"after_m": round(p.along_m, 1), "into": p.to_room or "the next room"}
-            for p in facts.passages
+            for p in facts.doors
         ],
         "passed": [
             {"after_m": round(m.along_m, 1), "side": m.side, "distance_m": m.distance_m} | _thing(m)

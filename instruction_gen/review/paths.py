@@ -176,7 +176,8 @@ def _texts(episode: Episode) -> list[str]:
 def _along(facts: PathFacts) -> list[str]:
     """Return what is where along a path, in the order in which it comes."""
     lines = [(t.along_m, f"{t.side} {abs(t.angle_deg):.0f}°") for t in facts.turns]
-    lines += [(p.along_m, f"into {p.to_room or 'the next room'}") for p in facts.passages]
+    lines += [(p.along_m, f"into {p.to_room or 'the next room'}") for p in facts.doors]
+    lines += [(c.along_m, f"{c.way} the stairs") for c in facts.climbs]
     lines += [
         (m.along_m, f"{m.noun} {m.side} {m.distance_m:.1f} m")
         for m in facts.landmarks

@@ -114,6 +114,8 @@ def test_routes_lead_around_obstacles() -> None:
 def test_instructions_are_read_and_nonsense_is_refused() -> None:
     assert [goal.kind for goal in goals_of(TEXT)] == ["place", "place", "stop"]
     assert goals_of("Turn left and walk past the bed")[-1].kind == "stop"  # no stop was said
+    *_, stairs = goals_of("Leave the kitchen, go up the stairs, turn right and stop by the bed.")
+    assert stairs.kind == "stop" and stairs.noun is not None and stairs.noun.head == "stairs"
     policy = MapPolicy()
     with pytest.raises(PolicyError, match="velocity; valid: discrete, waypoints"):
         policy.reset(Assignment("e", "s", TEXT, "h1", "speed", "velocity"))

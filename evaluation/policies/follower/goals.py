@@ -1,7 +1,7 @@
 """A text as sub-goals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....instruction_gen.language.claims import Claim, Step
 
@@ -62,6 +62,8 @@ _VERBS = {"door": "enter", "in": "move"}
 def sub_goals(steps: Sequence[Step]) -> list[SubGoal]:
     """Return the sub-goals of a text, the stop last.
 
+    The map is that of one level: of a text that takes stairs, they lead to the stairs.
+
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
     """
@@ -71,13 +73,17 @@ def sub_goals(steps: Sequence[Step]) -> list[SubGoal]:
         raise UnfollowableError("the text never says to stop")
     if any("goes on after the stop" in fault for step in steps for fault in step.faults):
         raise UnfollowableError("the text goes on after the stop")
-    moves = [goal for c, words in claims if (goal := _move(c, words)) is not None]
-    named = [SubGoal("stop", words, noun=_place(c), verb="stop") for c, words in stops if c.what]
+    climb = next((k for k, (c, _) in enumerate(claims) if c.kind == "climb"), len(claims))
+    stops = [(replace(c, kind="stop", what="thing", name="stairs", place="at"), words)
+             for c, words in claims[climb : climb + 1]] or stops  # fmt: skip
+    moves = [goal for c, words in claims[:climb] if (goal := _move(c, words)) is not None]
+    named = [SubGoal("stop", words, noun=_place(c), verb="stop") for c, words in stops
+             if c.what not in ("", "storey")]  # fmt: skip
     return [*moves, *(named or [SubGoal("stop", stops[-1][1])])]
 
 
 def _move(claim: Claim, words: str) -> SubGoal | None:
-    if claim.kind in ("stop", "avoid"):
+    if claim.kind in ("stop", "avoid") or claim.what == "storey":
         return None
     if claim.kind == "turn":
         return SubGoal("turn", words, side=claim.side, degree=claim.degree or "some")
