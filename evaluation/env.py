@@ -18,6 +18,7 @@ from ..formats.scene.bundle import load_bundle
 from ..rendering.camera.views import View, make_view
 from ..rendering.registry import make_renderer, scene_renderer_name
 from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
+from ..wayfinding.storeys import StoreyDistance, Storeys
 from .episode import closed_loop, evaluate_episode
 from .motions import DISCRETE, check_kind, checked_motion, numbers_of
 from .observation import BlankEye, Eye, Observation, Start, checked_action, proprioception
@@ -89,7 +90,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
 
         Args:
             scene: folder of a repaired scene.
-            episodes: episodes in this scene; only those of the first one's level can be mixed.
+            episodes: episodes in this scene, all on one level or over one staircase from there.
             robot: name, or folder of one's own robot.
             controller: `speed` (physics), `flash` (placed, no physics), or `path` for waypoints.
             config: further settings; robot and controller in it are replaced by the two above.
@@ -105,12 +106,15 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             render_mode: `rgb_array`, or None.
 
         Raises:
-            InputError: no episode, episodes of several levels, `tokens` without `tokenize`, or
+            InputError: no episode, episodes of several worlds, `tokens` without `tokenize`, or
                 actions that the controller does not carry out.
             UnknownNameError: no such robot, controller, light, renderer, modality, kind of actions.
         """
-        if not episodes or len({episode.level for episode in episodes}) > 1:
-            raise InputError(f"{len(episodes)} episodes; valid: one or more, all of one level")
+        if not episodes or len({(e.level, e.staircases) for e in episodes}) > 1:
+            raise InputError(
+                f"{len(episodes)} episodes; valid: one or more, all of one level, or over one "
+                "staircase from it"
+            )
         check_kind(actions, controller)
         self.episodes = tuple(episodes)
         self._kind, self._waypoints = actions, waypoints
@@ -124,7 +128,10 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._bundle = load_bundle(Path(scene))
         lowest = min(episodes, key=lambda episode: episode.free_height_m)
         physics = base.physics.for_episode(lowest)
-        self.world: World = open_world(self._bundle, lowest.level, spec, None, physics, cache_dir)
+        staircase = next(iter(lowest.staircases), None)
+        self.world: World = open_world(
+            self._bundle, lowest.level, spec, None, physics, cache_dir, staircase
+        )
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
         self._eye: Eye | BlankEye = BlankEye(self._view.camera)
         if images:
@@ -142,7 +149,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self.rollout = None
         self._walk: Walk | None = None
         self._last: Observation | None = None
-        self._field: DistanceField | None = None
+        self._field: DistanceField | StoreyDistance | None = None
         self._distance_m = 0.0
 
     def reset(
@@ -161,8 +168,11 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         if not 0 <= number < len(self.episodes):
             raise InputError(f"episode {number}; valid: 0 to {len(self.episodes) - 1}")
         self.episode = self.episodes[number]
-        goal = self.episode.goal_position_world_m[:2]
-        self._field = distance_field(self.world.freemap, goal, AGENT_RADIUS_M)
+        goal = self.episode.goal_position_world_m
+        if self.episode.staircases:
+            self._field = Storeys.of(self._bundle, self.episode.staircases).distance(goal)
+        else:
+            self._field = distance_field(self.world.freemap, goal[:2], AGENT_RADIUS_M)
         self.rollout = None
         self._walk = Walk(self._replay)
         self._last = self._walk.start()
@@ -243,8 +253,10 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
 
     def _to_goal_m(self) -> float:
         assert self._field is not None
-        pose = self.world.pose
-        distance = float(self._field.at(np.array([[pose.x_m, pose.y_m]]))[0])
+        place = np.array([*self.world.base[:2], self.world.foot_z_m])
+        if isinstance(self._field, DistanceField):
+            place = place[:2]
+        distance = float(self._field.at(place[None])[0])
         return distance if np.isfinite(distance) else self._distance_m
 
     def _info(self, step: int | None = None) -> dict[str, Any]:

@@ -37,12 +37,12 @@ class Round:
         """
         config, groups = closed_loop(self.config), dict[tuple[object, ...], list[Episode]]()
         for episode in self.episodes:
-            key = (episode.scene_id, episode.level, episode.free_height_m)
-            groups.setdefault(key, []).append(episode)
+            groups.setdefault(episode.world, []).append(episode)
         for first, *others in groups.values():
             folder = self.scenes / first.scene_id
             bundle, physics = load_bundle(folder), config.physics.for_episode(first)
-            world = open_world(bundle, first.level, get_robot(config.robot), None, physics, None)
+            robot, staircase = get_robot(config.robot), next(iter(first.staircases), None)
+            world = open_world(bundle, first.level, robot, None, physics, None, staircase)
             name = scene_renderer_name(folder, self.view.renderer)
             view = replace(self.view, renderer=name)
             eye = Eye(world, view, make_renderer(bundle, name, light=view.light))

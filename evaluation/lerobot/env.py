@@ -163,14 +163,14 @@ class LeRobotEnv(gym.Env[dict[str, Any], Any]):
 
     def _open(self, episode: Episode) -> NavigationEnv:
         """Return the environment of an episode's scene; only one is kept open."""
-        group = (episode.scene_id, episode.level, episode.free_height_m)
+        group = episode.world
         if self._env is None or group != self._group:
             self.close()
             scene = self._scenes / episode.scene_id
             self._env, self._group = (
                 NavigationEnv(
                     scene,
-                    [e for e in self._episodes if (e.scene_id, e.level, e.free_height_m) == group],
+                    [e for e in self._episodes if e.world == group],
                     robot=self._robot,
                     view=replace(self._view, renderer=scene_renderer_name(scene, self._renderer)),
                     actions=VELOCITY,

@@ -76,6 +76,11 @@ class Episode:
         """Return the levels that the path takes, in order."""
         return tuple(self.extra.get("levels", (self.level,)))
 
+    @property
+    def world(self) -> tuple[str, int, tuple[int, ...], float]:
+        """Return what episodes that share one physical world have in common."""
+        return self.scene_id, self.level, self.staircases, self.free_height_m
+
     def levels_along(self, track_m: Array) -> I64:
         """Return the level (N,) of each point of a track (N, 3) [m] that begins over the start.
 

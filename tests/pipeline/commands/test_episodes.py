@@ -159,6 +159,9 @@ def test_a_shortage_of_paths_is_reported_with_advice_that_works(scenes, tmp_path
         (["--splits", "train=4", "--quota", "z=3"], "'z'"),
         (["--similarity", "cosine"], "dtw"),
         (["--splits", "train=4", "--out", "x.json.gz"], "valid: a folder"),
+        (["--storeys", "up"], "valid: cross, mixed, no"),
+        (["--storeys", "mixed", "--robot", "aliengo,h1"], "h1 cannot climb stairs; valid: aliengo"),
+        (["--storeys", "cross", "--robot", "aliengo"], "needs a staircase; the scene has 1 level"),
     ],
 )
 def test_bad_options_are_refused(scenes, options, words, capsys, tmp_path, monkeypatch):
@@ -211,6 +214,23 @@ def test_files_of_several_splits_are_filtered_and_aligned(scenes, tmp_path, caps
     assert item_names([train[0], found[0], replace(train[1], episode_id="x")]) == [
         "train-0", "val_unseen-0", "x",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--keep-climbable"], "name them with --robot"),
+        (["--keep-climbable", "--robot", "jetbot"], "jetbot cannot climb stairs; valid: aliengo"),
+        (["--keep-climbable", "--robot", "aliengo"], "needs repaired scenes (--scenes)"),
+        (["--robot", "aliengo"], "--keep-climbable keeps"),
+    ],
+)
+def test_what_cannot_be_kept_for_climbers_is_refused(options, words, capsys, tmp_path):
+    source = tmp_path / "val.json.gz"
+    write_vlnce(source, VlnceFile(source, (vlnce_episode("a", 1),)))
+    assert main(["filter", str(source), "--out", str(tmp_path / "kept.json.gz"), *options]) == 2
+    assert words in " ".join(capsys.readouterr().err.split())
+    assert not (tmp_path / "kept.json.gz").exists()
 
 
 @pytest.mark.parametrize("given", [".", "a"], ids=["folder of scenes", "scene itself"])
