@@ -12,6 +12,7 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
+from tests.support.scenes.storeys import write_two_storeys
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
@@ -29,6 +30,8 @@ from vlnpe.pipeline.stages.rollouts import replay_items
 from vlnpe.rendering.camera.rollout_frames import RolloutFrames
 from vlnpe.rendering.camera.views import make_view
 from vlnpe.rendering.registry import make_renderer
+from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.sampling import sample_episodes
 
 
 @pytest.fixture(scope="module")
@@ -232,6 +235,26 @@ def test_modalities_and_tokens_are_chosen(two_rooms, episodes) -> None:
         NavigationEnv(two_rooms.root, episodes, modalities=["smell"])
     with pytest.raises(InputError, match=r"'speed' does not support waypoints.*valid: path"):
         NavigationEnv(two_rooms.root, episodes, actions="waypoints")
+
+
+def test_rewards_lead_from_one_storey_to_the_other(tmp_path) -> None:
+    building = write_two_storeys(tmp_path / "house")
+    sampling = SampleConfig(count=4, min_length_m=3.0, min_view_m=0.0, storeys="cross")
+    sampled = sample_episodes(building, sampling, np.random.default_rng(0)).episodes
+    up, down = (next(e for e in sampled if e.level == level) for level in (0, 1))
+    with pytest.raises(InputError, match="over one staircase from it"):
+        NavigationEnv(building.root, [up, down], images=False)
+    env = NavigationEnv(building.root, [up], controller="flash", images=False)
+    _, info = env.reset(options={"episode": 0})
+    assert info["distance_to_goal_m"] == pytest.approx(up.geodesic_distance_m, abs=0.1)
+    rewards = []
+    for action in up.extra["actions"]:
+        _, reward, done, _, info = env.step(action)
+        rewards.append(reward)
+    assert done and info["end_reason"] == "success" and info["metrics"]["success"]
+    # Turns on the spot earn nothing, and no step leads away.
+    assert min(rewards) > -0.1
+    assert sum(rewards) - SUCCESS_REWARD == pytest.approx(up.geodesic_distance_m, abs=0.3)
 
 
 def make_env(root, episodes):
