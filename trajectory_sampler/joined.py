@@ -18,6 +18,8 @@ from .ground import Visits, waypoints
 from .level import FAR_HOPS, room_hops, visits
 from .view import SceneView
 
+# Starts and goals are at least so far from the staircase: a path goes somewhere on both levels.
+_FROM_STAIRS_M = 2.0
 _FINE_M = 0.1  # pieces of a path are free on a level or on a staircase
 _ON_FLOOR_M = 0.1  # places within this height of a level's floor are on that level
 
@@ -202,7 +204,8 @@ def open_joined(
     for side, level in enumerate(storeys.joins[staircase]):
         freemap = storeys.levels[level].freemap
         way_m = storeys.field_to((staircase, side), radius_m).distance_m
-        places = np.argwhere(freemap.free(config.ends_m) & np.isfinite(way_m))
+        somewhere = np.isfinite(way_m) & (way_m >= _FROM_STAIRS_M)
+        places = np.argwhere(freemap.free(config.ends_m) & somewhere)
         xy = freemap.grid.center_of(places)
         room = regions[level].at(xy).reshape(-1)
         heights = freemap.floor_z_m[places[:, 0], places[:, 1]].astype(np.float64)

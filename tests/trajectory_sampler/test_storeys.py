@@ -56,6 +56,7 @@ def test_paths_lead_from_one_storey_to_the_other_and_keep_clear(
             float(storeys.distance(goal).at(start)), abs=0.1
         )
         for end, leg in ((start, first), (goal, last)):
+            assert path_length(leg.path_m) >= 2.0
             row, column = leg.sheet.grid.cell_of(end[:2])
             assert leg.sheet.clearance_m[row, column] >= CONFIG.end_clearance_m
         rooms = episode.extra["rooms"]
