@@ -64,9 +64,8 @@ def measure_flight(
     ahead = _ahead(steps, _step(middle))
     across = np.array([-ahead[1], ahead[0]])
     along = [t.points_m[:, :2] @ ahead for t in steps]
-    going = float(_step(middle) @ ahead)
-    count = np.arange(len(steps))
-    foot_along = np.median([u.mean() for u in along] - count * going) - going / 2
+    going, first_along = _evenly(middle @ ahead)
+    foot_along = first_along - going / 2
     open_ = _sides([t.open_m for t in steps], across, cell_m)
     right, left = _sides([t.points_m for t in steps], across, cell_m)
     foot = foot_along * ahead + sum(open_) / 2 * across
@@ -117,6 +116,22 @@ def _ahead(steps: Sequence[ScannedTread], step: Array) -> Array:
     turn = np.median((np.array(angles) + np.pi / 2) % np.pi - np.pi / 2)
     c, s = np.cos(turn), np.sin(turn)
     return np.array([[c, -s], [s, c]]) @ step / np.linalg.norm(step)
+
+
+def _evenly(along_m: Array) -> tuple[float, float]:
+    """Return the distance between treads and where the first one lies, from their middles (n,).
+
+    By least squares, without those that were scanned in part.
+    """
+    count = np.arange(len(along_m))
+    first, second = np.triu_indices(len(along_m), 1)
+    step = np.median((along_m[second] - along_m[first]) / (second - first))
+    off = along_m - step * count
+    whole = np.abs(off - np.median(off)) <= REGULAR_M / 2
+    if whole.sum() < 2:
+        return float(step), float(np.median(off))
+    slope, start = np.polyfit(count[whole], along_m[whole], 1)
+    return float(slope), float(start)
 
 
 def _sides(points_m: Sequence[Array], across: Array, cell_m: float) -> tuple[float, float]:

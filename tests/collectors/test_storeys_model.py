@@ -128,13 +128,13 @@ def test_the_joined_floor_chooses_its_sheet_by_height(built: Built) -> None:
     assert floor.height_at(middle, hall.top_m + 0.4) == pytest.approx(hall.top_m, abs=0.01)
     edges = hall.treads[2, 0] + ((0.5, 0.015), (0.5, -0.015))
     assert floor.height_at(edges, hall.top_m[2]) == pytest.approx(hall.top_m[[2, 1]], abs=0.01)
-    assert all(floor.is_solid(*xy, z) for xy, z in zip(middle, hall.top_m, strict=True))
+    assert all(floor.is_solid(x, y, z) for (x, y), z in zip(middle, hall.top_m, strict=True))
     corner = (6.5, 0.5)
     assert floor.height_at(corner, 0.3) == pytest.approx(0.0, abs=0.005)
     assert floor.height_at(corner, hall.rise_m) == pytest.approx(hall.rise_m, abs=0.005)
     assert floor.is_solid(*corner, 0.1) and floor.is_solid(*corner, hall.rise_m)
     # Over the first tread there is no upper floor, and outside the building none at all.
-    assert not floor.is_solid(*middle[0], hall.rise_m)
+    assert not floor.is_solid(middle[0, 0], middle[0, 1], hall.rise_m)
     assert not floor.is_solid(*corner, hall.rise_m / 2) and not floor.is_solid(9.0, 9.0, 0.0)
 
 

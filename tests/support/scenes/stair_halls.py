@@ -69,7 +69,7 @@ def stair_hall(
         treads = [*ahead, landing, *steps]
         head, voids = (left + width_m / 2, y), [(x, y, left + width_m, end + width_m)]
     corners = np.array(treads)
-    top = riser_m * np.arange(1, len(treads) + 1)
+    top = np.array([riser_m * (k + 1) for k in range(len(treads))])
     parts = [
         scans.sheet((0, 0), SIZE_M, step=0.25),
         *scans.walls((0, 0), SIZE_M, rise - SLAB_M),
