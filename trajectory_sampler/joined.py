@@ -120,7 +120,7 @@ class Joined:
 
     def visits(self, reference_m: Array) -> Visits:
         """See `Ground`."""
-        along_m, found = arc_length(reference_m), []
+        along_m, parts = arc_length(reference_m), []
         for part in self._parts(reference_m):
             path = reference_m[part]
             side = self.side(path[0])
@@ -135,10 +135,10 @@ class Joined:
                 for crossing in own.crossed
             )
             ends = own.ends[0] + more, own.ends[1] + more
-            found.append(
+            parts.append(
                 Visits(ends, tuple(room + more for room in own.rooms if room >= 0), crossed)
             )
-        before, after = found
+        before, after = parts
         return Visits(
             (before.ends[0], after.ends[1]),
             before.rooms + after.rooms,

@@ -152,9 +152,9 @@ class _Search:
 
     def avoid(self, episode: Episode) -> None:
         """Keep away from an episode."""
-        path, taken = episode.reference_path_world_m, episode.staircases
-        ground = len(self.regions) + taken[0] if taken else episode.level
-        self.by_ground[ground].avoid(stations(path, 3 if taken else 2))
+        path, staircases = episode.reference_path_world_m, episode.staircases
+        ground = len(self.regions) + staircases[0] if staircases else episode.level
+        self.by_ground[ground].avoid(stations(path, 3 if staircases else 2))
 
     def complete(self, requested: Mapping[str, int]) -> bool:
         """Return whether every split has what it wants."""

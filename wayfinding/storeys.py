@@ -108,14 +108,14 @@ class Storeys:
         Raises:
             InputError: the scene has no such staircase, or nobody can climb it.
         """
-        taken = {k: climbable_staircase(bundle, k) for k in staircases}
-        joins = {k: staircase.levels for k, staircase in taken.items()}
+        records = {k: climbable_staircase(bundle, k) for k in staircases}
+        joins = {k: staircase.levels for k, staircase in records.items()}
         levels = sorted({level for pair in joins.values() for level in pair})
         return Storeys(
             {k: Sheet(bundle.freemap(k).for_height(free_height_m)) for k in levels},
             {
                 k: Stairs(stair_sheet(bundle, k, free_height_m), entry.line_world_m)
-                for k, entry in taken.items()
+                for k, entry in records.items()
             },
             joins,
         )

@@ -52,14 +52,15 @@ def climb_of(
         return "its start or its goal lies on no level's floor"
     if first == last:
         return f"it starts and ends on level {first}, so it takes no staircase between levels"
-    named = [(k, s) for k, s in enumerate(bundle.staircases) if set(s.levels) == {first, last}]
-    if not named:
+    ends = {first, last}
+    candidates = [(k, s) for k, s in enumerate(bundle.staircases) if set(s.levels) == ends]
+    if not candidates:
         return f"no staircase joins levels {first} and {last}"
     before = _leading(gaps[first] <= _ON_FLOOR_M)
     behind = _leading(gaps[last, ::-1] <= _ON_FLOOR_M)
     between = path_m[before : len(path_m) - behind]
     reasons = []
-    for k, staircase in named:
+    for k, staircase in candidates:
         beside = distances_to_path(between, staircase.line_world_m) if len(between) else np.zeros(1)
         if staircase.problem:
             reasons.append(staircase.problem)
@@ -71,7 +72,9 @@ def climb_of(
             reasons.append(f"is not reached by a robot of radius {radius_m:g} m")
         else:
             return Climb((first, last), k, before, behind)
-    return "; ".join(f"staircase {k} {why}" for (k, _), why in zip(named, reasons, strict=True))
+    return "; ".join(
+        f"staircase {k} {why}" for (k, _), why in zip(candidates, reasons, strict=True)
+    )
 
 
 def _leading(flags: np.ndarray) -> int:
