@@ -15,20 +15,20 @@ The index is written last: a folder with one is complete.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..core.arrays import F32, I32, Array, Mask
+from ..core.arrays import F32, I32, Array
 from ..core.atomic import write_json
 from ..core.errors import FileFormatError, brief
 from ..untrusted.documents import read_json_object
 from ..untrusted.files import is_relative
-from .arrays import grid_arrays, grid_of, known_fields, record_of, save_npz
+from .arrays import known_fields, record_of, save_npz
 from .freemap import Freemap
-from .grid import GridSpec
+from .sheet import Floor, Obstacles, read_floor, read_freemap, read_obstacles, save_sheet
 from .staircase import Staircase, Treads
 
 INDEX_NAME = "scene.json"
@@ -68,40 +68,6 @@ class VisualMesh:
     def __post_init__(self) -> None:
         if not len(self.face_object) and len(self.faces):
             object.__setattr__(self, "face_object", np.full(len(self.faces), -1, dtype=np.int32))
-
-
-@dataclass(frozen=True)
-class Floor:
-    """Floor of one level as heights at the cell centres of a grid.
-
-    Attributes:
-        height_m: (rows, columns) float32 world z [m]; defined everywhere (extended outside).
-        covered: (rows, columns) bool: there is floor (scanned or filled) in this cell.
-    """
-
-    grid: GridSpec
-    height_m: F32
-    covered: Mask
-
-
-@dataclass(frozen=True)
-class Obstacles:
-    """Axis-aligned collision boxes of one level.
-
-    Attributes:
-        center_m: (N, 3) float64 world [m].
-        half_m: (N, 3) float64 half sides [m].
-        box_object: (N,) int32 index into the bundle's objects of what most of the box covers, −1 =
-            no named thing; left out, all are −1.
-    """
-
-    center_m: Array
-    half_m: Array
-    box_object: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
-
-    def __post_init__(self) -> None:
-        if not len(self.box_object) and len(self.center_m):
-            object.__setattr__(self, "box_object", np.full(len(self.center_m), -1, dtype=np.int32))
 
 
 @dataclass(frozen=True)
@@ -182,47 +148,32 @@ class SceneBundle:
 
     def floor(self, level: int) -> Floor:
         """Load a level's floor."""
-        return _floor(self.level_folder(level))
+        return read_floor(self.level_folder(level))
 
     def obstacles(self, level: int) -> Obstacles:
         """Load a level's collision boxes."""
-        return _obstacles(self.level_folder(level))
+        return read_obstacles(self.level_folder(level))
 
     def freemap(self, level: int) -> Freemap:
         """Load a level's planning map."""
-        return _freemap(self.level_folder(level))
+        return read_freemap(self.level_folder(level))
 
     def stair_floor(self, staircase: int) -> Floor:
         """Load the floor of a staircase: treads, landings, and floor of both levels at its ends."""
-        return _floor(self.stair_folder(staircase))
+        return read_floor(self.stair_folder(staircase))
 
     def stair_obstacles(self, staircase: int) -> Obstacles:
         """Load the collision boxes over and beside a staircase."""
-        return _obstacles(self.stair_folder(staircase))
+        return read_obstacles(self.stair_folder(staircase))
 
     def stair_freemap(self, staircase: int) -> Freemap:
         """Load the planning map of a staircase."""
-        return _freemap(self.stair_folder(staircase))
+        return read_freemap(self.stair_folder(staircase))
 
     def stair_treads(self, staircase: int) -> Treads:
         """Load the boxes that a staircase consists of."""
         path = self.stair_folder(staircase) / "treads.npz"
         return record_of(path, lambda data: Treads(**known_fields(Treads, data)))
-
-
-def _floor(folder: Path) -> Floor:
-    path = folder / "floor.npz"
-    return record_of(path, lambda data: Floor(grid_of(data), data["height_m"], data["covered"]))
-
-
-def _obstacles(folder: Path) -> Obstacles:
-    path = folder / "obstacles.npz"
-    return record_of(path, lambda data: Obstacles(**known_fields(Obstacles, data)))
-
-
-def _freemap(folder: Path) -> Freemap:
-    path = folder / "freemap.npz"
-    return record_of(path, lambda data: Freemap(grid_of(data), **known_fields(Freemap, data)))
 
 
 def save_bundle(
@@ -238,21 +189,11 @@ def save_bundle(
     """
     save_npz(bundle.root / "visual.npz", **vars(visual))
     for k, level in enumerate(levels):
-        _save_sheet(bundle.level_folder(k), *level)
+        save_sheet(bundle.level_folder(k), *level)
     for k, (floor, obstacles, freemap, treads) in (stairs or {}).items():
-        _save_sheet(bundle.stair_folder(k), floor, obstacles, freemap)
+        save_sheet(bundle.stair_folder(k), floor, obstacles, freemap)
         save_npz(bundle.stair_folder(k) / "treads.npz", **vars(treads))
     save_index(bundle)
-
-
-def _save_sheet(folder: Path, floor: Floor, obstacles: Obstacles, freemap: Freemap) -> None:
-    save_npz(folder / "floor.npz", **grid_arrays(floor.grid), **_without_grid(floor))
-    save_npz(folder / "obstacles.npz", **vars(obstacles))
-    save_npz(folder / "freemap.npz", **grid_arrays(freemap.grid), **_without_grid(freemap))
-
-
-def _without_grid(record: Floor | Freemap) -> dict[str, Any]:
-    return {f.name: getattr(record, f.name) for f in fields(record) if f.name != "grid"}
 
 
 def save_index(bundle: SceneBundle) -> None:
