@@ -55,7 +55,8 @@ class Card:
         data: per source its datasets, episodes, share and digest.
         held_out: scenes or trajectories that the training did not see.
         start: digest of the weights that it started from; empty for new ones.
-        encoder: model, digest and licence of the pretrained encoder that it needs, if any.
+        encoder, language: model, digest and licence of the pretrained encoders of RGB and of
+            instructions that it needs, if any.
         curves: scores by step.
     """
 
@@ -72,6 +73,7 @@ class Card:
     held_out: Mapping[str, Any] = field(default_factory=dict)
     start: str = ""
     encoder: Mapping[str, Any] = field(default_factory=dict)
+    language: Mapping[str, Any] = field(default_factory=dict)
     curves: tuple[Mapping[str, Any], ...] = ()
 
     @property
@@ -93,6 +95,7 @@ class _Rest(TypedDict):
     held_out: dict[str, Any]
     start: str
     encoder: NotRequired[dict[str, Any]]
+    language: NotRequired[dict[str, Any]]
     curves: tuple[dict[str, Any], ...]
 
 

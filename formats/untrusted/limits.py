@@ -29,7 +29,7 @@ class Limits:
         vlnce_episodes: episodes of a file.
         labels: labelled boxes beside a scan.
         mcap_bytes: an MCAP file, and all its chunks together, decompressed.
-        array_bytes: a file of arrays (.npz), decompressed.
+        array_bytes: a file of arrays (.npz) or an archive of weights, decompressed.
         table_bytes: a Parquet table in memory.
         robot_files: files in a robot's folder.
         robot_file_bytes: each of them.

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from torch import nn
+
 from ...datasets.tokens import Tokens
 from ..config import ModelConfig
 from .cma import Cma
@@ -30,6 +32,7 @@ def build_model(tokens: Tokens, config: ModelConfig, *, pretrained: bool = True)
     """
     words = tokens.vocabulary.words
     model = MODELS[config.name](len(words), config, pretrained=pretrained)
-    if config.word_vectors and pretrained:
-        load_word_vectors(model.reader.embedding, tuple(words), Path(config.word_vectors))
+    embedding = model.reader.embedding
+    if config.word_vectors and pretrained and isinstance(embedding, nn.Embedding):
+        load_word_vectors(embedding, tuple(words), Path(config.word_vectors))
     return model

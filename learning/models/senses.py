@@ -10,7 +10,7 @@ from torch.nn.functional import adaptive_avg_pool2d
 from torch.nn.utils.rnn import pack_padded_sequence, pad_packed_sequence
 
 from ...formats.core.errors import FileFormatError
-from ..config import GRID, ModelConfig
+from ..config import GRID, OWN, ModelConfig
 from .encoders import CompactEncoder, rgb_encoder
 
 DEPTH_SCALE_M = 10.0  # farther away all walls are alike
@@ -99,7 +99,10 @@ class Reader(nn.Module):
     def __init__(self, words: int, config: ModelConfig):
         """Build it for a vocabulary of `words`; its features have `config.hidden` numbers."""
         super().__init__()
-        self.embedding = nn.Embedding(words, config.words, padding_idx=0)
+        if config.language == OWN:
+            self.embedding = nn.Embedding(words, config.words, padding_idx=0)
+        else:
+            self.embedding = nn.Linear(config.language_width, config.words)
         self.recurrent = nn.GRU(
             config.words, config.hidden // 2, batch_first=True, bidirectional=True
         )
@@ -108,19 +111,25 @@ class Reader(nn.Module):
         self._deaf = "instruction" not in config.inputs
 
     def forward(self, tokens: Tensor) -> Read:
-        """Read `tokens` (B, L) int64; zeros without the input `instruction`."""
+        """Read word indices (B, L) int64, or a pretrained encoder's features (B, L, C).
+
+        Behind an instruction's end they are zero. Without the input `instruction` so is the result.
+        """
         if self._deaf:
             zeros = self.embedding.weight.new_zeros(len(tokens), 1, self._hidden)
             return Read(zeros, tokens.new_zeros(len(tokens), 1, dtype=torch.bool), zeros[:, 0])
-        lengths = (tokens != 0).sum(1).clamp(min=1)
-        tokens = tokens[:, : int(lengths.max())]
+        real = tokens.any(-1) if tokens.is_floating_point() else tokens != 0
+        lengths = real.sum(1).clamp(min=1)
+        tokens, real = (values[:, : int(lengths.max())] for values in (tokens, real))
+        if tokens.is_floating_point():
+            tokens = tokens.float()
         # Packed, for the direction that reads backwards must begin at each instruction's own end.
         packed = pack_padded_sequence(
             self.dropout(self.embedding(tokens)), lengths.cpu(), True, enforce_sorted=False
         )
         output, last = self.recurrent(packed)
         words, _ = pad_packed_sequence(output, batch_first=True)
-        return Read(words, tokens == 0, torch.cat([last[0], last[1]], -1))
+        return Read(words, ~real, torch.cat([last[0], last[1]], -1))
 
 
 def load_word_vectors(embedding: nn.Embedding, vocabulary: tuple[str, ...], path: Path) -> int:

@@ -11,7 +11,8 @@ from typing import Any
 
 import torch
 from safetensors import SafetensorError, safe_open
-from safetensors.torch import save_file
+from safetensors.torch import load_file, save_file
+from torch.nn.functional import pad
 from torch.utils.data import Dataset
 
 from ...datasets.episode_index import EpisodeEntry
@@ -22,6 +23,7 @@ from ...formats.process.progress import progress_bar
 from ...formats.process.source import code_digest
 from ..config import IMAGES
 from ..images import DEPTH_STEP_M, to_millimetres
+from ..language import TextEncoder, encode_text
 from ..pretrained import FrozenEncoder
 
 log = logging.getLogger(__name__)
@@ -42,6 +44,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         folder: Path,
         images: Collection[str] = IMAGES,
         encoder: FrozenEncoder | None = None,
+        language: TextEncoder | None = None,
     ):
         """Keep the items of `sequences` in `folder`, which is created if missing.
 
@@ -49,8 +52,10 @@ class CachedSequences(Dataset[dict[str, Any]]):
             folder: where the files are kept.
             images: which of `rgb` and `depth` items have; the others are not read.
             encoder: items have its features of the RGB images, (T, C, 4, 4) float16, instead.
+            language: `tokens` are its features of the instruction, (L, C) float16, instead.
         """
-        self.sequences, self.folder, self.encoder = sequences, folder, encoder
+        self.sequences, self.folder = sequences, folder
+        self.encoder, self.language = encoder, language
         self.images = frozenset(images)
         self._choice = sequences.instruction_choice
         self._places: dict[int, tuple[EpisodeEntry, Path]] = {}  # of the items made or found
@@ -86,7 +91,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
             ) from error
         if "depth" in item:
             item["depth"] = item["depth"].to(torch.float32) * DEPTH_STEP_M
-        tokens = torch.from_numpy(self.sequences.tokens.encode(self._choice.text(entry)))
+        tokens = self._tokens(self._choice.text(entry))
         return item | {"tokens": tokens, "uid": entry.uid, "robot": entry.robot}
 
     def prepare(self, number: int) -> Path:
@@ -105,10 +110,22 @@ class CachedSequences(Dataset[dict[str, Any]]):
                 values["rgb"] = self.encoder.features(self._large(number))
             values["depth"] = torch.from_numpy(to_millimetres(values["depth"].numpy()))
             values = {k: v.contiguous() for k, v in values.items()}
-            with atomic_file(path) as temporary:
-                save_file(values, temporary, {_CHECKSUM: _checksum(values)})
+            _write(path, values)
         self._places[number] = entry, path
         return entry, path
+
+    def _tokens(self, text: str) -> torch.Tensor:
+        """Return a text as the model reads it; a pretrained encoder's features are kept on disk."""
+        tokens = self.sequences.tokens
+        if self.language is None:
+            return encode_text(text, tokens, None)
+        code = code_digest(TextEncoder.__module__)
+        name = _named([text, tokens.length, sorted(self.language.facts.items()), code])
+        path = self.folder / f"text-{name}.safetensors"
+        if not _is_whole(path):
+            _write(path, {"tokens": encode_text(text, tokens, self.language)})
+        features = load_file(path)["tokens"]
+        return pad(features, (0, 0, 0, tokens.length - len(features)))
 
     def _large(self, number: int) -> torch.Tensor:
         """Return the RGB images of an episode at the encoder's size."""
@@ -127,7 +144,16 @@ class CachedSequences(Dataset[dict[str, Any]]):
                 parts += [content, entry.first_frame, sorted(self.encoder.facts.items())]
                 continue
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
-        return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+        return _named(parts)
+
+
+def _named(parts: list[Any]) -> str:
+    return hashlib.blake2b(repr(parts).encode(), digest_size=12).hexdigest()
+
+
+def _write(path: Path, values: dict[str, torch.Tensor]) -> None:
+    with atomic_file(path) as temporary:
+        save_file(values, temporary, {_CHECKSUM: _checksum(values)})
 
 
 @cache
@@ -141,7 +167,7 @@ def _code() -> str:
 
 
 def _is_whole(path: Path) -> bool:
-    """Return whether a decoded episode is there and as it was written; warn if it is damaged."""
+    """Return whether a file is there and as it was written; warn if it is damaged."""
     if not path.is_file():
         return False
     try:
@@ -151,7 +177,7 @@ def _is_whole(path: Path) -> bool:
                 return True
     except SafetensorError:
         pass
-    log.warning("%s is damaged, or of an earlier version: the episode is decoded again", path)
+    log.warning("%s is damaged, or of an earlier version: it is made again", path)
     return False
 
 

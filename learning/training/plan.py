@@ -24,7 +24,8 @@ from ..camera import view_of
 from ..card import View
 from ..checkpoint import Checkpoint, load_checkpoint
 from ..config import TrainConfig, train_config
-from ..pretrained import FrozenEncoder, frozen_encoder
+from ..language import TextEncoder, language_of, text_encoder
+from ..pretrained import FrozenEncoder, encoder_of, frozen_encoder
 from .curves import Validation
 from .holdout import Holdout, hold_out, published_holdout
 
@@ -73,7 +74,7 @@ class Planned:
         held: held-out episodes by source.
         view: the camera of all episodes.
         start: what the training starts from.
-        encoder: pretrained encoder of RGB, if the model has one.
+        encoder, language: pretrained encoders of RGB and of instructions, if the model has them.
     """
 
     config: TrainConfig
@@ -84,6 +85,7 @@ class Planned:
     view: View
     start: Checkpoint | None
     encoder: FrozenEncoder | None = None
+    language: TextEncoder | None = None
 
     def every(self, label: str) -> tuple[str, ...]:
         """Return the values of a label, such as `robot`, that occur among the episodes."""
@@ -102,9 +104,14 @@ def plan_training(request: Request) -> Planned:
     config = train_config({**recipe.train, **(request.changes or {})})
     if (encoder := frozen_encoder(config.model)) is not None:
         config = replace(config, model=replace(config.model, encoder_width=encoder.width))
+    if (language := text_encoder(config.model)) is not None:
+        config = replace(config, model=replace(config.model, language_width=language.width))
     start = load_checkpoint(request.start) if request.start else None
-    if start is not None and start.card.config.model != config.model:
-        raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
+    if start is not None:
+        if start.card.config.model != config.model:
+            raise InputError(f"{request.start}: its architecture differs from the recipe's `model`")
+        encoder_of(start.card)
+        language_of(start.card)
     name = _mixture_name(recipe, request.mixture)
     library = Library(request.data)
     used = choose_all(recipe, recipe.mixtures[name].weights, library)
@@ -113,7 +120,7 @@ def plan_training(request: Request) -> Planned:
     plan = plan_mixture(recipe, name, library, "episodes", holdout.trajectories)
     held = {s: _held(selection, holdout) for s, selection in selections.items()}
     view = view_of([s.selection for s in plan.sources])
-    planned = Planned(config, name, plan, holdout, held, view, start, encoder)
+    planned = Planned(config, name, plan, holdout, held, view, start, encoder, language)
     if config.model.name == "rdp" and DAGGER in planned.every("controller"):
         raise InputError(
             f"mixture {name}: rdp learns motions, and those of {DAGGER} are a policy's; "
@@ -143,6 +150,7 @@ def training_key(planned: Planned, seed: int) -> str:
         "seed": seed,
         "start": planned.start.sha256 if planned.start else "",
         "encoder": planned.encoder.facts if planned.encoder else {},
+        "language": planned.language.facts if planned.language else {},
         "code": code_digest("learning.training.session"),
         "torch": torch.__version__,
     }

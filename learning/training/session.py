@@ -94,6 +94,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
         },
         start=start.sha256 if start is not None else "",
         encoder=planned.encoder.facts if planned.encoder else {},
+        language=planned.language.facts if planned.language else {},
     )
     log = TrainingLog(out, card, config, seen, unseen, request.validate)
     with progress_bar("train", config.steps, show=show) as bar:
@@ -168,7 +169,7 @@ def _cached(
     config = planned.config
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
-    return CachedSequences(sequences, cache, config.model.inputs, planned.encoder)
+    return CachedSequences(sequences, cache, config.model.inputs, planned.encoder, planned.language)
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
@@ -180,4 +181,6 @@ def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
     sequences = EpisodeSequences(
         chosen.take(mask), episodes.sequences.tokens, episodes.sequences.config
     )
-    return CachedSequences(sequences, episodes.folder, episodes.images, episodes.encoder)
+    return CachedSequences(
+        sequences, episodes.folder, episodes.images, episodes.encoder, episodes.language
+    )

