@@ -113,7 +113,9 @@ class _Bert(nn.Module):
             for name in ("word", "position", "token_type")
         )
         self.kind = kinds[0]
-        self.norm = [weights[f"{start}LayerNorm.{part}"].float() for part in ("weight", "bias")]
+        self.scale, self.shift = (
+            weights[f"{start}LayerNorm.{part}"].float() for part in ("weight", "bias")
+        )
         self.layers = nn.Sequential()
         for number in range(settings["num_hidden_layers"]):
             with torch.device("meta"):  # the weights come from the file
@@ -132,7 +134,7 @@ class _Bert(nn.Module):
     def forward(self, tokens: Tensor) -> Tensor:
         """Return the features (L, width) of the tokens (L,) of a text."""
         features = self.words[tokens] + self.places[: len(tokens)] + self.kind
-        features = layer_norm(features, (self.width,), *self.norm, self.epsilon)
+        features = layer_norm(features, (self.width,), self.scale, self.shift, self.epsilon)
         return self.layers(features[None])[0]
 
 

