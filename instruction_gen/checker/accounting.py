@@ -14,14 +14,7 @@ from functools import cache
 
 from ..language.claims import Claim, Step
 from ..language.clauses import verb_at
-from ..language.lexicon import (
-    OBJECT_PHRASES,
-    OBJECTS,
-    ROOM_PHRASES,
-    ROOMS,
-    noun_kind,
-    singular,
-)
+from ..language.lexicon import OBJECT_PHRASES, OBJECTS, ROOM_PHRASES, ROOMS, noun_kind, singular
 from ..language.phrases import read_phrase, read_side
 from ..language.reader import readings
 from ..language.tokens import Token, tokenize

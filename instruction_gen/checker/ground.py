@@ -175,9 +175,7 @@ class Ground(Things):
             far = np.array([np.maximum(ramp(-m, 3.5, 5.0), ramp(m, 0.5, 1.2)) for m in off])
             cost = _column([self.door_side(p, claim.side) for p in entries])
             return best(
-                (len(far), self.places),
-                [(far, f"the {claim.name} is elsewhere")],
-                [(cost, fault)],
+                (len(far), self.places), [(far, f"the {claim.name} is elsewhere")], [(cost, fault)]
             )
         doors = [n for n in self._openings(names) if not self.through()[n]]
         within = [n for n, m in enumerate(self.facts.landmarks) if not m.leads and m.room in names]

@@ -7,14 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from ..facts.doors import DOOR
-from ..facts.records import (
-    LandmarkFact,
-    PassageFact,
-    PathFacts,
-    TurnFact,
-    VisitFact,
-    manoeuvre_deg,
-)
+from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact, manoeuvre_deg
 from .climbs import climb_event, off_stairs
 from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
