@@ -102,3 +102,18 @@ def test_sampled_episodes_stay_on_their_level(home: TrueScene, repaired: SceneBu
         low, high = block.rect() + np.array([[0.1], [-0.1]])
         points = episode.reference_path_world_m[:, :2]
         assert not np.all((points > low) & (points < high), axis=1).any()
+
+
+def test_the_staircase_has_a_sheet_with_the_true_heights(
+    home: TrueScene, repaired: SceneBundle
+) -> None:
+    (staircase,) = repaired.staircases
+    assert staircase.problem == "" and staircase.levels == (0, 1)
+    rise = home.storeys[1].floor_z_m
+    treads = repaired.stair_treads(0)
+    count = len(treads.yaw_rad)
+    # In a coarse scan, whose voxels are 4 cm.
+    assert treads.top_m == pytest.approx(rise * np.arange(1, count + 1) / count, abs=0.02)
+    floor, (stairs,) = repaired.stair_floor(0), [b for b in home.storeys[0].blocks if b.top_m > 2]
+    on_stairs = inside(floor.grid, stairs.rect(), 0.1) & floor.covered
+    assert on_stairs.sum() > 0.85 * inside(floor.grid, stairs.rect(), 0.1).sum()
