@@ -36,9 +36,10 @@ class Checkpoint:
 
 
 class _Unfilled(TorchFunctionMode):
-    """Leave out normal random numbers: where there is no memory they would import a compiler.
+    """Leave out normal random numbers.
 
-    PyTorch's compiler takes a second, asks for the user's name and makes a folder.
+    On the device `meta` they would import PyTorch's compiler, which takes seconds, asks for the
+    user's name and makes a folder.
     """
 
     def __torch_function__(self, func, types, args=(), kwargs=None):

@@ -24,6 +24,8 @@ EDGE_M = 0.3
 # Boxes reach this far below the lower of their neighbours' upper faces, so that nothing passes
 # between them.
 OVERLAP_M = 0.05
+# The middle line keeps this far from a landing's edges where it turns, if it can.
+TURN_M = 0.62
 # A landing's samples cover this share of a rectangle.
 FULL_SHARE = 0.75
 # Treads higher than this over others are another storey of stairs.
@@ -133,6 +135,9 @@ def _landing(tread: ScannedTread, lower: Flight, upper: Flight, cell_m: float) -
             upper.foot_world_m[:2] - depth * upper.ahead,
         ]
     )
+    # A robot that turns there needs room around it.
+    middle, room = (low + high) / 2, np.maximum(half - TURN_M, 0.0)
+    corners = np.clip(corners @ axes.T, middle - room, middle + room) @ axes
     if np.linalg.norm(corners[1] - corners[0]) < CORNER_M:
         corners = corners.mean(axis=0, keepdims=True)
     problem = "" if share >= FULL_SHARE else "has a landing that is no rectangle"

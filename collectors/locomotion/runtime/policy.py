@@ -36,8 +36,8 @@ class GaitPolicy:
         network: turns observations into actions.
         estimates: whether trials let it estimate the state from sensors; `reset` decides in a
             replay.
-        stairs: a gait of the same clock and footing whose network, which sees the ground, acts
-            instead wherever that is uneven (`GaitStep.uneven`); None for a gait without one.
+        stairs: what it learned on stairs: its network, which sees the ground, adds to the actions
+            wherever that is uneven (`GaitStep.uneven`); None for a gait without it.
         ground: what its footing sees in a replay; level when None.
     """
 
@@ -63,21 +63,24 @@ class GaitPolicy:
         Raises:
             FileFormatError: a file is missing or broken.
             PolicyMismatchError: trained on another model, joint order or observation layout, or
-                the network is not the card's, or the gait for stairs has another clock or footing.
+                the network is not the card's, or what was learned on stairs belongs to another
+                gait.
         """
         policy = cls._read(robot, *policy_files(robot, folder))
-        path, card_path = stairs_files(robot, folder)
-        if not card_path.is_file():
-            return policy
-        return policy.with_stairs(cls._read(robot, path, card_path), card_path)
+        installed = stairs_files(robot, folder)[1].is_file()
+        return policy.with_stairs(folder) if installed else policy
 
-    def with_stairs(self, stairs: GaitPolicy, card_path: Path) -> GaitPolicy:
-        """Return this gait for level ground and, wherever it is uneven, another one.
+    def with_stairs(self, folder: Path | None = None) -> GaitPolicy:
+        """Return this gait with what it learned on stairs, in the files of `stairs_files`.
 
         Raises:
-            PolicyMismatchError: the other one, whose card is at `card_path`, has another clock,
-                footing or past, or does not see the ground.
+            FileFormatError: a file is missing or broken.
+            PolicyMismatchError: it was learned on top of another gait, or does not see the ground.
         """
+        path, card_path = stairs_files(self.robot, folder)
+        stairs = self._read(self.robot, path, card_path)
+        if stairs.card.training.get("base") != self.card.network_sha256:
+            raise PolicyMismatchError(card_path, "was trained on top of another gait")
         for what in ("gait", "footing", "past", "action_clip"):
             if getattr(stairs.card, what) != getattr(self.card, what):
                 raise PolicyMismatchError(card_path, f"its {what} is not that of the level gait")
@@ -175,7 +178,7 @@ class GaitPolicy:
         if len(uneven):
             there = np.empty((len(uneven), output.shape[1]), dtype=np.float32)
             self.stairs.network.run(seen[uneven], there)
-            output[uneven] = there
+            output[uneven] += there
 
     def _start(self, data: mujoco.MjData) -> GaitStep:
         """Return a step for another simulation, with the clock and the action of the last one."""
@@ -250,7 +253,7 @@ def policy_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Pa
 
 
 def stairs_files(robot: RobotSpec, folder: Path | None = None) -> tuple[Path, Path]:
-    """Return where the network and the card of a gait for stairs may be, beside `policy_files`."""
+    """Return where what a gait learned on stairs may be, beside `policy_files`."""
     network, card = policy_files(robot, folder)
     return network.with_stem(f"{network.stem}-stairs"), card.with_stem(f"{card.stem}-stairs")
 

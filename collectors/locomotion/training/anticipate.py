@@ -28,12 +28,11 @@ from ...robots import POLICY_DECIMATION, RobotSpec, get_robot
 from ..runtime.card import PolicyCard
 from ..runtime.network import encode_layers
 from ..runtime.observation import layout
-from ..runtime.policy import GaitPolicy
+from ..runtime.policy import GaitPolicy, policy_files
 from ..trials.aim import command_bounds
 from ..trials.terrain import Terrain, noise_terrain
 from ..trials.trial import Conditions, Trial
-from .beside import beside
-from .correction import PAST, Corrected, Correction, Samples
+from .correction import PAST, Corrected, Correction, Samples, beside
 from .export import install, plain_card
 from .randomize import ACTION_S, sample_actions, sample_commands
 from .stairs.base import layers_of
@@ -200,7 +199,8 @@ def anticipate(robot: RobotSpec, start: Path, out: Path, rounds: int, seed: int 
         training = {**gait.card.training, "anticipation": facts}
         # The calibration stays.
         content = encode_layers(*beside(layers_of(robot, start), correction.layers()))
-        install(robot, content, replace(_card(gait.card, robot), training=training), out)
+        card = replace(_card(gait.card, robot), training=training)
+        install(content, card, policy_files(robot, out))
 
 
 def _read(path: Path) -> tuple[Samples, Samples]:

@@ -32,14 +32,6 @@ from .stairs.reach import footing
 AROUND_XY_M = np.array([(x, y) for x in (-0.15, 0.1, 0.35) for y in (-0.2, 0.2)])
 
 
-def build_training_model(robot: RobotSpec, terrain: Terrain) -> mujoco.MjModel:
-    """Return the robot over a terrain, with the physics options of the product."""
-    spec = robot.spec()
-    apply_physics_options(spec)
-    terrain.add_to(spec)
-    return spec.compile()
-
-
 class GaitEnv(VecEnv):
     """Velocity tracking on a terrain, with randomised bodies, latency and pushes.
 
@@ -64,7 +56,10 @@ class GaitEnv(VecEnv):
         self.num_envs, self.num_actions = config.envs, robot.policy_joints
         self.max_episode_length = round(config.episode_s / STEP_S)
         self.episode_length_buf = torch.zeros(config.envs, dtype=torch.long)
-        model = build_training_model(robot, terrain)
+        spec = robot.spec()
+        apply_physics_options(spec)
+        terrain.add_to(spec)
+        model = spec.compile()
         self.handles = RobotHandles.find(robot, model)
         self._sole_radius = self.handles.sole_radius_m
         self.symmetry = Symmetry.of(robot, 0, self.footing)

@@ -18,8 +18,7 @@ from ..runtime.footing import Footing
 from ..runtime.gait import RATE_HZ
 from ..runtime.network import encode_layers
 from ..runtime.observation import layout, present
-from ..runtime.policy import policy_files
-from .beside import beside
+from ..runtime.policy import policy_files, stairs_files
 from .config import TrainingConfig
 from .mirror import Symmetry
 from .recipes import recipe
@@ -93,7 +92,10 @@ def write_policy(
     base: Base | None = None,
     footing: Footing | None = None,
 ) -> None:
-    """Write `<robot>.safetensors` and `<robot>.json` (without an evaluation yet) into `folder`."""
+    """Write a network and its card, without an evaluation yet, into `folder`.
+
+    With a `base` they are what is added to that gait on stairs; see `stairs_files`.
+    """
     blocks = layout(robot.policy_joints, base.card.past if base else 0, footing)
     if base is None:
         content = encode_actor(actor, Symmetry.of(robot))
@@ -102,7 +104,7 @@ def write_policy(
         seen = present(blocks)
         first = np.zeros((len(weights[0]), len(seen)))
         first[:, seen] = weights[0]
-        content = encode_layers(*beside(base.layers, ([first, *weights[1:]], biases)))
+        content = encode_layers([first, *weights[1:]], biases)
     speeds = (joint.speed_rad_s for joint in robot.joints)
     card = PolicyCard(
         robot=robot.name,
@@ -123,12 +125,12 @@ def write_policy(
         training=training,
         evaluation={},
     )
-    install(robot, content, card, folder)
+    install(content, card, (policy_files if base is None else stairs_files)(robot, folder))
 
 
-def install(robot: RobotSpec, content: bytes, card: PolicyCard, folder: Path) -> None:
-    """Write a network's file and its card, with the network's digest, into a folder."""
-    path, card_path = policy_files(robot, folder)
+def install(content: bytes, card: PolicyCard, paths: tuple[Path, Path]) -> None:
+    """Write a network's file and its card, with the network's digest."""
+    path, card_path = paths
     write_bytes(path, content)
     save_card(replace(card, network_sha256=hashlib.sha256(content).hexdigest()), card_path)
 

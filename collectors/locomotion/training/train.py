@@ -83,9 +83,9 @@ def run(arguments: Arguments) -> None:
     train(robot, out, arguments)
     if arguments.publish:
         # Late, because it needs more than training does.
-        from ..trials.evaluate import publish
+        from ..trials.evaluate import publish, publish_stairs
 
-        publish(robot, out)
+        (publish_stairs if stairs else publish)(robot, out)
 
 
 def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
@@ -134,26 +134,30 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
             # At first nothing is added to the gait that is there.
             for parameter in runner.alg.get_policy().mlp[-1].parameters():
                 torch.nn.init.zeros_(parameter)
-        while done < last:
-            started = time.monotonic()
-            # Robots first learn to walk, then to walk smoothly and to be kicked.
-            env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
-            env.smoothness_scale = 1.0 if base else min(1.0, 0.2 + done / 300)
-            count = min(CHUNK, last - done)
-            runner.learn(count)
-            done += count
-            samples += count * phase.envs * phase.steps
-            wall_s += time.monotonic() - started
-            _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
-            progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
-            progress |= {"base": added_to} if base else {}
-            with atomic_file(checkpoint) as temporary:
-                runner.save(str(temporary), progress)
-            if done % 50 == 0 or done == last:
-                facts = _facts(phases, seed, progress)
-                write_policy(robot, phase, runner.alg.get_policy(), facts, out, base, env.footing)
-        if isinstance(env, Workers):
-            env.close()
+        try:
+            while done < last:
+                started = time.monotonic()
+                # Robots first learn to walk, then to walk smoothly and to be kicked.
+                env.push_scale = min(1.0, max(0.0, (done - 100) / 300))
+                env.smoothness_scale = 1.0 if base else min(1.0, 0.2 + done / 300)
+                count = min(CHUNK, last - done)
+                runner.learn(count)
+                done += count
+                samples += count * phase.envs * phase.steps
+                wall_s += time.monotonic() - started
+                _write_curve(out / "curve.csv", env, runner, done, samples, wall_s)
+                progress = {"iterations": done, "samples": samples, "wall_s": wall_s}
+                progress |= {"base": added_to} if base else {}
+                with atomic_file(checkpoint) as temporary:
+                    runner.save(str(temporary), progress)
+                if done % 50 == 0 or done == last:
+                    facts = _facts(phases, seed, progress)
+                    write_policy(
+                        robot, phase, runner.alg.get_policy(), facts, out, base, env.footing
+                    )
+        finally:
+            if isinstance(env, Workers):
+                env.close()
         first = last
 
 
@@ -200,13 +204,18 @@ def _facts(phases: Phases, seed: int, progress: dict[str, Any]) -> dict[str, Any
 
 
 def _write_curve(
-    path: Path, env: GaitEnv | Workers, runner: OnPolicyRunner, done: int, samples: int, s: float
+    path: Path,
+    env: GaitEnv | Workers,
+    runner: OnPolicyRunner,
+    done: int,
+    samples: int,
+    wall_s: float,
 ) -> None:
     means, walks = env.take_statistics()
     row: dict[str, float] = {
         "iteration": done,
         "samples": samples,
-        "wall_s": round(s, 1),
+        "wall_s": round(wall_s, 1),
         "learning_rate": runner.alg.learning_rate,
         "action_std": float(runner.alg.get_policy().output_std.detach().mean()),
         **{name: round(value, 5) for name, value in means.items()},
@@ -215,7 +224,7 @@ def _write_curve(
         "%5d  %5.1f M  %6.0f s  reward %6.3f  error %.3f m/s %.3f rad/s  falls/min %.2f",
         done,
         samples / 1e6,
-        s,
+        wall_s,
         row["reward"],
         row["linear_error"],
         row["yaw_error"],

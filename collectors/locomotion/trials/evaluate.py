@@ -18,7 +18,7 @@ from ....formats.core.atomic import write_bytes
 from ....formats.core.errors import InputError, VlnpeError
 from ...controllers import SpeedConfig
 from ...robots import RobotSpec, get_robot
-from ..runtime.card import PolicyCard, save_card
+from ..runtime.card import PolicyCard, load_card, save_card
 from ..runtime.policy import GaitPolicy, policy_files, stairs_files
 from ..state import State
 from ..training.stairs.reach import footing
@@ -102,20 +102,67 @@ def publish(
 
     Without a folder, both are where the robot's gait is installed. A calibration that it has, as
     one that anticipates has its first gait's, is kept. The table of an estimated state joins that
-    of the true one, as its part `estimated`.
+    of the true one, as its part `estimated`. What was learned on stairs stays with its gait alone.
 
     Returns:
         The evaluation table, see `evaluation_table` for `scale`.
     """
     policy = GaitPolicy.load(robot, source)
     policy = policy if policy.card.gait.aim else calibrated(policy)
+    card = policy.card
+    learned = stairs_files(robot, target)
+    stairs = load_card(learned[1]) if learned[1].is_file() else None
+    if stairs is not None and stairs.training.get("base") == card.network_sha256:
+        card = replace(card, footing=stairs.footing)
+        stairs = None
     if state == "estimated":
         estimated = evaluation_table(policy.estimating(), scale=scale)
-        card = replace(policy.card, evaluation=policy.card.evaluation | {"estimated": estimated})
+        card = replace(card, evaluation=card.evaluation | {"estimated": estimated})
     else:
-        card = replace(policy.card, evaluation=evaluation_table(policy, scale=scale))
+        card = replace(card, evaluation=evaluation_table(policy, scale=scale))
     _install(policy_files(robot, source)[0].read_bytes(), card, *policy_files(robot, target))
+    if stairs is not None:
+        log.warning("%s was trained on top of another gait: removed", learned[1])
+        for path in learned:
+            path.unlink(missing_ok=True)
     return card.evaluation
+
+
+def publish_stairs(
+    robot: RobotSpec, source: Path, scale: float = 1.0, seed: int = SEED, state: State = "true"
+) -> dict[str, Any]:
+    """Test what the robot's gait learned on stairs in the folder `source`, and install it.
+
+    Returns:
+        The table of `flights`.
+    """
+    policy = _on_stairs(robot, source, state)
+    assert policy.stairs is not None
+    table = _flights(policy, scale, seed)
+    card = policy.stairs.card
+    table_of = {"estimated": table} if state == "estimated" else table
+    content = stairs_files(robot, source)[0].read_bytes()
+    _install(content, replace(card, evaluation=card.evaluation | table_of), *stairs_files(robot))
+    # Replays read the footing from the card of the level gait.
+    save_card(policy.card, policy_files(robot)[1])
+    return table
+
+
+def _on_stairs(robot: RobotSpec, source: Path | None, state: State) -> GaitPolicy:
+    """Return the installed gait with a footing, and with what it learned in the folder `source`.
+
+    Without a folder that is what is installed, if anything.
+    """
+    policy = GaitPolicy.load(robot)
+    if policy.card.footing is None:
+        card = replace(policy.card, footing=footing(robot, policy.card.gait))
+        policy = policy.changed(robot, card)
+    policy = policy if source is None else policy.with_stairs(source)
+    return policy.estimating() if state == "estimated" else policy
+
+
+def _flights(policy: GaitPolicy, scale: float, seed: int) -> dict[str, Any]:
+    return flights(policy, max(2, round(50 * scale)), np.random.default_rng(seed))
 
 
 def _install(content: bytes, card: PolicyCard, path: Path, card_path: Path) -> None:
@@ -161,26 +208,19 @@ def main(
         seed: of terrain, friction, paths and starts; another one shows overfitting to the first.
         scale: below 1 takes fewer robots, for a quick look.
         state: true, or estimated from the robot's sensors.
-        stairs: test flights of stairs alone; a gait without a footing gets the one with which
-            training on stairs begins.
+        stairs: test flights of stairs alone; `policy` is then the folder of a training on stairs. A
+            gait without a footing gets the one with which that begins.
         publish_it: install the policy, with its table; with `stairs`, beside the level one.
     """
     logging.basicConfig(level=logging.INFO, format="%(message)s")
     spec = get_robot(robot)
     if stairs:
-        gait = GaitPolicy.load(spec, policy)
-        learned = gait.card if gait.card.sees_ground else None
-        if publish_it and not learned:
+        if publish_it and policy is None:
             raise InputError("--stairs --publish installs a --policy that was trained on stairs")
-        if learned:  # as replays run it: beside the installed one
-            gait = GaitPolicy.load(spec).with_stairs(gait, policy_files(spec, policy)[1])
-        elif gait.card.footing is None:
-            gait = gait.changed(spec, replace(gait.card, footing=footing(spec, gait.card.gait)))
-        gait = gait.estimating() if state == "estimated" else gait
-        table = flights(gait, max(2, round(50 * scale)), np.random.default_rng(seed))
-        if publish_it and learned:
-            content = policy_files(spec, policy)[0].read_bytes()
-            _install(content, replace(learned, evaluation=table), *stairs_files(spec))
+        if publish_it and policy is not None:
+            table = publish_stairs(spec, policy, scale, seed, state)
+        else:
+            table = _flights(_on_stairs(spec, policy, state), scale, seed)
         log.info("%s", climbed(table))
         return
     if publish_it:

@@ -18,7 +18,7 @@ class SeenGround:
         self.renew(np.arange(count))
 
     def renew(self, robots: NDArray[np.intp]) -> None:
-        """Shift the maps of some robots otherwise."""
+        """Draw new shifts for the maps of some robots."""
         self._shift[robots] = self._rng.uniform(-SHIFT_M, SHIFT_M, (len(robots), 1, 2))
 
     def at(self, xy_m: Array) -> Array:

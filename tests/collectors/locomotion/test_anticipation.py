@@ -15,8 +15,7 @@ from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers, enco
 from vlnpe.collectors.locomotion.runtime.observation import layout, past_steps
 from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.locomotion.training import anticipate
-from vlnpe.collectors.locomotion.training.beside import beside
-from vlnpe.collectors.locomotion.training.correction import HIDDEN, PAST, Correction
+from vlnpe.collectors.locomotion.training.correction import HIDDEN, PAST, Correction, beside
 from vlnpe.collectors.locomotion.training.mirror import Symmetry
 from vlnpe.collectors.locomotion.training.stairs.base import layers_of
 from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial

@@ -13,7 +13,7 @@ import pytest
 
 from vlnpe.collectors.locomotion.runtime.card import PolicyMismatchError, load_card, save_card
 from vlnpe.collectors.locomotion.runtime.footing import POWERS, Footing
-from vlnpe.collectors.locomotion.runtime.network import Mlp, decode_layers
+from vlnpe.collectors.locomotion.runtime.network import encode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout
 from vlnpe.collectors.locomotion.runtime.policy import (
     GaitPolicy,
@@ -24,13 +24,14 @@ from vlnpe.collectors.locomotion.runtime.policy import (
 from vlnpe.collectors.locomotion.runtime.sensors import Simulation
 from vlnpe.collectors.locomotion.runtime.step import GaitStep
 from vlnpe.collectors.locomotion.training.derived import Stance
+from vlnpe.collectors.locomotion.training.export import install
 from vlnpe.collectors.locomotion.training.stairs.reach import footing
 from vlnpe.collectors.locomotion.trials.evaluate import climbed
 from vlnpe.collectors.locomotion.trials.flights import climb
 from vlnpe.collectors.locomotion.trials.terrain import Terrain, stairs_terrain
 from vlnpe.collectors.locomotion.trials.trial import Conditions, Trial, levelled
 from vlnpe.collectors.robots import RobotHandles, get_robot
-from vlnpe.formats.core.errors import FileFormatError, InputError
+from vlnpe.formats.core.errors import FileFormatError, InputError, VlnpeError
 
 ALIENGO = get_robot("aliengo")
 
@@ -118,22 +119,24 @@ def test_joint_offsets_put_feet_where_they_shall_be(
     np.testing.assert_allclose(moved, np.tile((ahead, 0.0, above), (4, 1)), atol=0.006)
 
 
-def learned_on_stairs(footed: GaitPolicy) -> GaitPolicy:
-    """A gait that sees the ground and, wherever it acts, adds an offset to that of level ground."""
-    card = footed.card
-    seen = layout(ALIENGO.policy_joints, card.past, card.footing)
-    weights, biases = decode_layers(Path(), policy_files(ALIENGO)[0].read_bytes())
-    ground = sum(width for _, width in seen) - footed.network.inputs
-    wide = [np.pad(weights[0], ((0, 0), (0, ground))), *weights[1:]]
-    network = Mlp(wide, [*biases[:-1], biases[-1] + np.float32(0.1)])
-    return GaitPolicy(ALIENGO, replace(card, observation=seen), network)
+def learned_on_stairs(footed: GaitPolicy, folder: Path, **changes: Any) -> GaitPolicy:
+    """The gait with a network that adds 0.1 wherever it acts; its files are in the folder."""
+    seen = layout(ALIENGO.policy_joints, footed.card.past, footed.card.footing)
+    width = sum(count for _, count in seen)
+    content = encode_layers([np.zeros((12, width))], [np.full(12, 0.1)])
+    base = {"base": footed.card.network_sha256}
+    card = replace(footed.card, observation=seen, training=base, **changes)
+    install(content, card, stairs_files(ALIENGO, folder))
+    return footed.with_stairs(folder)
 
 
-def test_on_level_ground_a_footing_changes_nothing(plain: GaitPolicy, footed: GaitPolicy):
+def test_on_level_ground_a_footing_changes_nothing(
+    plain: GaitPolicy, footed: GaitPolicy, tmp_path: Path
+):
     rng, robots = np.random.default_rng(1), 3
     terrain = stairs_terrain((0.15,), (0.28,), steps=6, hills=1)
     before = np.array([terrain.lanes[0].foot_m[0] - 2.4, 0.0]) + np.zeros((robots, 2))
-    learned = footed.with_stairs(learned_on_stairs(footed), Path())
+    learned = learned_on_stairs(footed, tmp_path)
     trials = [
         Trial(
             policy, Conditions(terrain, friction=0.8), before, np.zeros(robots),
@@ -149,9 +152,11 @@ def test_on_level_ground_a_footing_changes_nothing(plain: GaitPolicy, footed: Ga
         np.testing.assert_array_equal(trials[0].qpos, trials[2].qpos)
 
 
-def test_a_gait_learned_on_stairs_acts_where_the_ground_is_uneven(footed: GaitPolicy):
+def test_a_gait_learned_on_stairs_acts_where_the_ground_is_uneven(
+    footed: GaitPolicy, tmp_path: Path
+):
     terrain = stairs_terrain((0.04, 0.05), (0.28, 0.28), steps=1, hills=1)
-    policy = footed.with_stairs(learned_on_stairs(footed), Path())
+    policy = learned_on_stairs(footed, tmp_path)
     # Before a step of 4 cm, before one of 5 cm, and out of its sight.
     foot = terrain.lanes[1].foot_m[0]
     xy = np.array([(foot - 0.5, lane.y_m) for lane in terrain.lanes] + [(foot - 0.7, 1.5)])
@@ -169,19 +174,22 @@ def test_a_gait_learned_on_stairs_acts_where_the_ground_is_uneven(footed: GaitPo
     np.testing.assert_allclose(outputs[1][1] - outputs[0][1], 0.1, atol=1e-5)
 
 
-def test_a_gait_for_stairs_fits_the_level_one(footed: GaitPolicy, tmp_path: Path):
-    network, card = policy_files(ALIENGO)
-    for path in (network, card):
+def test_what_was_learned_on_stairs_belongs_to_one_gait(footed: GaitPolicy, tmp_path: Path):
+    for path in policy_files(ALIENGO):
         shutil.copy(path, tmp_path / path.name)
     assert GaitPolicy.load(ALIENGO, tmp_path).stairs is None
-    there = stairs_files(ALIENGO, tmp_path)
-    for path, copy in zip((network, card), there, strict=True):
-        shutil.copy(path, copy)
-    with pytest.raises(PolicyMismatchError, match="height scan in its"):
-        GaitPolicy.load(ALIENGO, tmp_path)
-    save_card(replace(footed.card, footing=None), there[1])
-    with pytest.raises(PolicyMismatchError, match=r"aliengo-stairs.json.*its footing"):
-        GaitPolicy.load(ALIENGO, tmp_path)
+    learned_on_stairs(footed, tmp_path)
+    assert GaitPolicy.load(ALIENGO, tmp_path).stairs is not None
+    card = load_card(stairs_files(ALIENGO, tmp_path)[1])
+    for changed, reason in (
+        (replace(card, observation=footed.card.observation), "takes .* numbers"),
+        (replace(card, footing=None), "observation layout"),
+        (replace(card, action_clip=1.0), "its action_clip"),
+        (replace(card, training={"base": "0"}), "on top of another gait"),
+    ):
+        save_card(changed, stairs_files(ALIENGO, tmp_path)[1])
+        with pytest.raises(PolicyMismatchError, match=f"aliengo-stairs.*{reason}"):
+            GaitPolicy.load(ALIENGO, tmp_path)
 
 
 def test_feet_are_put_flat_on_treads(footed: GaitPolicy):
@@ -211,7 +219,6 @@ def test_feet_are_put_flat_on_treads(footed: GaitPolicy):
     assert abs(np.arctan(step.footholds.slope[0]) - np.arctan2(0.15, 0.28)) < 0.06
 
 
-@pytest.mark.chain
 @pytest.mark.slow
 @pytest.mark.parametrize("hard", (False, True))
 def test_the_installed_gait_climbs_stairs_of_houses(hard: bool):
@@ -219,6 +226,7 @@ def test_the_installed_gait_climbs_stairs_of_houses(hard: bool):
     assert min(row["up_arrived"], row["down_arrived"]) >= 0.8
 
 
+@pytest.mark.chain
 def test_a_footing_alone_climbs_where_the_plain_gait_does_not(
     plain: GaitPolicy, footed: GaitPolicy
 ):
@@ -280,21 +288,20 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     monkeypatch.setattr(training, "STAIRS", ((phase, 2),))
     arguments = training.Arguments("aliengo", terrain="stairs", threads=1)
     training.train(ALIENGO, tmp_path, arguments)
-    policy = GaitPolicy.load(ALIENGO, tmp_path)
-    assert policy.card.gait == plain.card.gait
-    assert policy.card.footing == footing(ALIENGO, plain.card.gait)
-    assert policy.card.sees_ground and policy.card.training["samples"] == 2 * 12 * 6
-    # Two steps of learning from zero leave it close to the gait that it was trained on.
-    seen = np.random.default_rng(0).normal(0, 0.3, (20, policy.network.inputs))
-    added = policy.infer(seen) - plain.infer(seen[:, : plain.network.inputs])
+    policy = plain.changed(ALIENGO, replace(plain.card, footing=footing(ALIENGO, plain.card.gait)))
+    learned = policy.with_stairs(tmp_path).stairs
+    assert learned is not None and learned.card.training["samples"] == 2 * 12 * 6
+    # Two steps of learning from zero add little to the gait that it was trained on.
+    seen = np.random.default_rng(0).normal(0, 0.3, (20, learned.network.inputs))
+    added = learned.infer(seen)
     assert 0 < np.abs(added).max() < 0.5
     # And it is symmetric, though the training is not: a scan's columns change sides.
     from vlnpe.collectors.locomotion.training.mirror import Symmetry
 
-    mirror = Symmetry.of(ALIENGO, policy.card.past, policy.card.footing)
+    mirror = Symmetry.of(ALIENGO, learned.card.past, learned.card.footing)
     image = seen[:, mirror.observation_order.numpy()] * mirror.observation_signs.numpy()
-    answer = policy.infer(image)[:, mirror.joint_order.numpy()] * mirror.joint_signs.numpy()
-    np.testing.assert_allclose(answer, policy.infer(seen), atol=1e-4)
+    answer = learned.infer(image)[:, mirror.joint_order.numpy()] * mirror.joint_signs.numpy()
+    np.testing.assert_allclose(answer, added, atol=1e-4)
     monkeypatch.setattr(training, "STAIRS", ((phase, 3),))
     # It goes on with half of the robots in each of two processes.
     training.train(ALIENGO, tmp_path, replace(arguments, workers=2))
@@ -306,6 +313,22 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     with pytest.raises(InputError, match=r"--workers 5; valid: a divisor of 12"):
         training.train(ALIENGO, tmp_path / "other", replace(arguments, workers=5))
     assert not (tmp_path / "other").exists()
+
+
+def test_a_worker_that_dies_is_named_and_none_outlives_the_training(training: Any):
+    from vlnpe.collectors.locomotion.training.stairs.base import Base
+
+    phase = replace(training.STAIRS[0][0], envs=4, steps=2)
+    arguments = training.Arguments("aliengo", terrain="stairs", threads=1, workers=2)
+    rng = np.random.default_rng(0)
+    robots = training._environment(ALIENGO, phase, rng, Base.load(ALIENGO), arguments)
+    processes = robots._processes
+    robots.get_observations()
+    processes[1].kill()
+    with pytest.raises(VlnpeError, match=r"worker 1 of 2 died; .* last checkpoint"):
+        robots.get_observations()
+    robots.close()
+    assert not any(process.is_alive() for process in processes)
 
 
 def test_what_cannot_be_trained_leaves_nothing(training: Any, tmp_path: Path):
