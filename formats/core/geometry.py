@@ -61,8 +61,18 @@ def path_length(path_m: ArrayLike) -> float:
 def point_along(path_m: ArrayLike, along_m: ArrayLike) -> Array:
     """Return points (..., D) at distances (...) [m] along a path (P, D) [m]; clamped to ends."""
     path = np.asarray(path_m, dtype=np.float64)
-    at, along = arc_length(path), np.asarray(along_m, dtype=np.float64)
-    return np.stack([np.interp(along, at, path[:, k]) for k in range(path.shape[1])], axis=-1)
+    return _between(path, arc_length(path), along_m)
+
+
+def point_along_plan(path_m: ArrayLike, along_m: ArrayLike) -> Array:
+    """Return the same for distances along a path (P, 3) [m] as it is seen from above."""
+    path = np.asarray(path_m, dtype=np.float64)
+    return _between(path, arc_length(path[:, :2]), along_m)
+
+
+def _between(path: Array, at_m: Array, along_m: ArrayLike) -> Array:
+    along = np.asarray(along_m, dtype=np.float64)
+    return np.stack([np.interp(along, at_m, column) for column in path.T], axis=-1)
 
 
 def distances_to_path(points_m: ArrayLike, path_m: ArrayLike) -> Array:

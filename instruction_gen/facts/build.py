@@ -48,7 +48,7 @@ def path_facts(
     length = path_length(path)
     turns = find_turns(path, episode.start_yaw_rad)
     sight = visibility.paths.get(episode.trajectory_id) if visibility else None
-    climbs = climbs_of(episode, shared.bundle.staircases, track) if beyond else ()
+    climbs = climbs_of(episode, shared.bundle, track) if beyond else ()
     levels = (shared, *beyond)
     # What is beside the first half of a staircase is on the level before it.
     halves = [0.5 * (climb.along_m + climb.to_m) for climb in climbs]

@@ -5,9 +5,10 @@ from itertools import pairwise
 import numpy as np
 
 from ...formats.core.episode import Episode
-from ...formats.core.geometry import arc_length, point_along
-from ...formats.scene.staircase import Staircase
+from ...formats.core.geometry import arc_length, point_along, point_along_plan
+from ...formats.scene.bundle import SceneBundle
 from ...wayfinding.legs import line_between
+from ...wayfinding.storeys import climbable_staircase
 from .geometry import Array, Track
 from .records import ClimbFact
 
@@ -16,17 +17,17 @@ _FLAT_M = 0.05
 _STEP_M = 0.05
 
 
-def climbs_of(
-    episode: Episode, staircases: tuple[Staircase, ...], track: Track
-) -> tuple[ClimbFact, ...]:
-    """Return the staircases that an episode's path takes, in order; `track` is the path's."""
+def climbs_of(episode: Episode, bundle: SceneBundle, track: Track) -> tuple[ClimbFact, ...]:
+    """Return the staircases that an episode's path takes, in order; `track` is the path's.
+
+    Raises:
+        InputError: the scene has no such staircase, nobody can climb it, or it joins other levels.
+    """
     along = np.arange(0.0, float(track.along_m[-1]) + _STEP_M, _STEP_M)
-    path = episode.reference_path_world_m
-    at = arc_length(path[:, :2])
-    points = np.stack([np.interp(along, at, path[:, k]) for k in range(3)], axis=1)
+    points = point_along_plan(episode.reference_path_world_m, along)
     result = []
     for number, (before, level) in zip(episode.staircases, pairwise(episode.levels), strict=True):
-        line = line_between(staircases[number], before, level)[1:-1]
+        line = line_between(climbable_staircase(bundle, number), before, level)[1:-1]
         off = np.linalg.norm(points[:, None] - line, axis=-1)
         corners = [round(float(along[k]), 2) for k in off.argmin(axis=0)]
         flat = np.abs(np.diff(line[:, 2])) < _FLAT_M

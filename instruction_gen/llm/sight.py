@@ -49,6 +49,7 @@ class View:
     Attributes:
         points_m: (H, W, 3) where each pixel's surface is in the world [m]; NaN = unknown.
         eye_m: (3,) where the camera is [m].
+        level: of the floor under it.
     """
 
     png: bytes

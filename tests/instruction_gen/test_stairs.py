@@ -12,6 +12,7 @@ import pytest
 
 from tests.instruction_gen.test_instruct import episode_of
 from tests.support.scenes.storeys import TOP_M, write_two_storeys
+from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.scene.staircase import Staircase
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
@@ -41,14 +42,14 @@ def levels(tmp_path_factory):
     return [LevelFacts.of(bundle, level) for level in (0, 1)]
 
 
-def ground_of(levels, points, up=True):
+def ground_of(levels, points, up=True, staircase=0):
     points = points if up else points[::-1]
     episode = episode_of([p[:2] for p in points])
     path = np.array(points, dtype=float)
     own = (0, 1) if up else (1, 0)
     episode = replace(
         episode, level=own[0], reference_path_world_m=path, start_position_world_m=path[0],
-        goal_position_world_m=path[-1], extra={"staircases": [0], "levels": list(own)},
+        goal_position_world_m=path[-1], extra={"staircases": [staircase], "levels": list(own)},
     )  # fmt: skip
     return Ground(path_facts(episode, levels[own[0]], None, [levels[own[1]]]))
 
@@ -61,6 +62,11 @@ def up(levels):
 @pytest.fixture(scope="module")
 def down(levels):
     return ground_of(levels, [*BELOW, *LINE[1:-1], *ABOVE], up=False)
+
+
+def test_a_path_over_a_staircase_that_is_not_there_is_refused(levels):
+    with pytest.raises(InputError, match="staircase 3 of two_storeys; valid: 0 … 0"):
+        ground_of(levels, [*BELOW, *LINE[1:-1], *ABOVE], staircase=3)
 
 
 def test_facts_of_a_path_over_stairs(up, down):

@@ -107,11 +107,13 @@ def views_along(bundle: SceneBundle, episodes: Sequence[Episode], robot: RobotSp
     renderer = make_renderer(bundle)
     views: dict[bytes, View] = {}
     for episode in {episode.trajectory_id: episode for episode in episodes}.values():
-        for _, point, yaw in looks_along(episode.reference_path_world_m)[::EVERY]:
+        looks = looks_along(episode.reference_path_world_m)[::EVERY]
+        levels = episode.levels_along(np.array([point for _, point, _ in looks])).tolist()
+        for (_, point, yaw), level in zip(looks, levels, strict=True):
             position, quat = eye.pose(point, yaw)
             frame = renderer.render_labelled(eye.camera, position, quat)
             depth = np.where(frame.depth_m > 0, frame.depth_m, np.nan)
             points = (ray * depth[..., None]) @ quat_to_matrix(quat).T + position
             png = cv2.imencode(".png", np.ascontiguousarray(frame.rgb[..., ::-1]))[1].tobytes()
-            views.setdefault(png, View(png, points, position, episode.level))
+            views.setdefault(png, View(png, points, position, level))
     return list(views.values())

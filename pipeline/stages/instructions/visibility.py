@@ -16,7 +16,7 @@ from ....collectors.robots import RobotSpec
 from ....formats.core.camera import CameraModel
 from ....formats.core.episode import Episode
 from ....formats.core.frames import quat_to_matrix, yaw_to_quat
-from ....formats.core.geometry import path_length, point_along, resample, triangle_areas
+from ....formats.core.geometry import path_length, point_along_plan, resample, triangle_areas
 from ....formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
 from ....formats.scene.visibility import Glimpse, PathSight, SightCamera, visibility_writer
 from ....formats.vlnce.files import read_episodes
@@ -116,13 +116,16 @@ class StandingEye:
 
 
 def looks_along(path_m: NDArray[np.float64]) -> list[tuple[float, NDArray[np.float64], float]]:
-    """Return distance [m], point (3,) [m], heading [rad] of each look along a path (P, 3) [m]."""
+    """Return distance [m], point (3,) [m], heading [rad] of each look along a path (P, 3) [m].
+
+    Distances are those in plan, as in the facts of a path.
+    """
     points = resample(path_m, 0.1)
     length = path_length(points[:, :2])
     at = np.linspace(0.0, length, max(2, round(length / SPACING_M) + 1))
-    here = point_along(points, at)
-    ahead = point_along(points, np.minimum(at + _AHEAD_M, length))
-    behind = point_along(points, np.maximum(np.minimum(at, length - _AHEAD_M), 0.0))
+    here = point_along_plan(points, at)
+    ahead = point_along_plan(points, np.minimum(at + _AHEAD_M, length))
+    behind = point_along_plan(points, np.maximum(np.minimum(at, length - _AHEAD_M), 0.0))
     delta = ahead - behind
     return [
         (float(a), p, float(np.arctan2(d[1], d[0])))

@@ -12,6 +12,7 @@ from vlnpe.formats.core.geometry import (
     arc_length,
     path_length,
     point_along,
+    point_along_plan,
     resample,
     space_evenly,
     triangle_areas,
@@ -121,3 +122,11 @@ def test_space_evenly_keeps_the_ends_and_never_lengthens(path: np.ndarray, step:
         assert_allclose(dense[-1], path[-1], atol=1e-12)
     assert np.linalg.norm(np.diff(dense, axis=0), axis=1).max(initial=0.0) <= step * (1 + 1e-6)
     assert path_length(dense) <= path_length(path) + 1e-9
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.9, 1.0])
+def test_a_place_in_plan_is_on_the_slope(share: float) -> None:
+    path = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [5.0, 0.0, 3.0], [7.0, 0.0, 3.0]])
+    point = point_along_plan(path, 7.0 * share)
+    assert_allclose(point, [7.0 * share, 0.0, np.clip(7.0 * share - 2.0, 0.0, 3.0)])
+    assert np.array_equal(point_along_plan(path[:2], share), point_along(path[:2], share))
