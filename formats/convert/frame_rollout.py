@@ -28,12 +28,17 @@ Rows = Mapping[str, NDArray[Any]]
 def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
     """Return the unit's episode as a rollout with one sample per frame; unknown torques are NaN.
 
+    The floor is that at the start; over storeys it is as far below the base as there.
+
     Raises:
         KeyError, ValueError: a column that every unit has is missing or damaged.
     """
     columns, count = unit.columns, unit.length
     state = rows["observation.state"].astype(np.float64)
     start = start_frame(columns)
+    position_m = to_world(start, state[:, :3])
+    episode = episode_of(columns, unit.task)
+    over_m = position_m[:, 2] - position_m[0, 2] if episode.staircases else np.zeros(count)
     joint_names = _names(unit, "observation.joints", "_position_rad")
     foot_names = _names(unit, "observation.foot_contact", "_contact_0_or_1")
     joints = _column(rows, "observation.joints", count, 2 * len(joint_names))
@@ -46,11 +51,11 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
     if EXECUTED in rows:
         labels = tuple(Action(a) for a in np.ravel(rows["action.discrete"]).tolist())
     return Rollout(
-        episode=episode_of(columns, unit.task),
+        episode=episode,
         robot=unit.robot,
         controller=columns["controller"],
         time_s=np.arange(count) / unit.frames_per_second,
-        position_world_m=to_world(start, state[:, :3]),
+        position_world_m=position_m,
         quat_wxyz=quat_multiply(yaw_to_quat(start.yaw_rad), state[:, 3:7]),
         linear_velocity_base_m_s=state[:, 7:10],
         angular_velocity_base_rad_s=state[:, 10:13],
@@ -63,7 +68,7 @@ def frame_rollout(unit: EpisodeUnit, rows: Rows) -> Rollout:
         foot_contact=_column(rows, "observation.foot_contact", count, len(foot_names)) > 0.5,
         foot_force_n=_column(rows, "observation.foot_force", count, len(foot_names)),
         imu=_column(rows, "observation.imu", count, 6),
-        floor_z_m=np.full(count, start.origin_world_m[2]),
+        floor_z_m=start.origin_world_m[2] + over_m,
         actions=actions,
         events=(),
         end_reason=EndReason(columns["end_reason"]),

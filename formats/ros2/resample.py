@@ -75,6 +75,9 @@ def rollout_of_span(
 ) -> Rollout:
     """Return a span as a rollout at `STATE_RATE_HZ`; what the log lacks has no columns.
 
+    A log does not say where it climbs stairs: its floor is always as far below the base as at the
+    span's start.
+
     Args:
         joint_names: The joints to keep, in order.
         base_height_m: Height of the base over the floor at the span's start.
@@ -125,7 +128,7 @@ def rollout_of_span(
         foot_contact=np.empty((count, 0), bool),
         foot_force_n=nothing,
         imu=imu,
-        floor_z_m=np.full(count, floor[2]),
+        floor_z_m=position[:, 2] - base_height_m,
         actions=(),
         events=(),
         end_reason=end,

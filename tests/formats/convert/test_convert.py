@@ -29,10 +29,12 @@ from vlnpe.formats.convert.episodes import (
     unit_from_mcap,
 )
 from vlnpe.formats.convert.facts import DatasetFacts
+from vlnpe.formats.convert.frame_rollout import frame_rollout
 from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import Rollout
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
+from vlnpe.formats.lerobot.units.rows import row_arrays
 from vlnpe.formats.mcap.depth_images import decode_depth, depth_encoding, encode_depth
 from vlnpe.formats.mcap.episode import extract_contents, write_episode_mcap
 from vlnpe.formats.mcap.recording import open_recording, read_recording
@@ -190,6 +192,21 @@ def test_mcap_of_a_dataset_shows_what_the_rows_say(tmp_path: Path) -> None:
     assert topics["/events"][-1][1].message == "end: success"
     shown = set(re.findall(r'"(/[a-z_/]+)', LAYOUT.read_text()))
     assert "/camera/rgb" in shown and shown - {"/map", "/robot"} <= topics.keys()
+
+
+def test_the_floor_of_a_dataset_follows_the_stairs(tmp_path: Path) -> None:
+    rollout = make_rollout(2.0, 1, discrete=True)
+    position, count = rollout.position_world_m.copy(), len(rollout.position_world_m)
+    position[:, 2] = rollout.floor_z_m[0] + 0.36 + np.linspace(0.0, 2.8, count)
+    over = dataclasses.replace(
+        rollout.episode, extra={**rollout.episode.extra, "staircases": [0], "levels": [0, 1]}
+    )
+    assert rollout.episode.level == 0
+    rollout = dataclasses.replace(rollout, position_world_m=position, episode=over)
+    unit = read_episode_unit(write_unit(tmp_path, rollout, 1))
+    shown = frame_rollout(unit, row_arrays(unit.rows()))
+    samples = rollout.frame_samples(4)
+    np.testing.assert_allclose(shown.floor_z_m, position[samples, 2] - 0.36, atol=1e-5)
 
 
 @pytest.mark.parametrize("far_m", [2.0, 5.0, 7.5, 8.0, 10.0, 20.0, 60.0])

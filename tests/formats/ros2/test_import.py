@@ -17,7 +17,7 @@ from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import read_episode_unit
 from vlnpe.formats.lerobot.units.rows import row_arrays
-from vlnpe.formats.ros2.resample import spans
+from vlnpe.formats.ros2.resample import rollout_of_span, spans
 from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
 from vlnpe.formats.ros2.tracks import read_tracks
 from vlnpe.formats.video.mp4 import iterate_rgb_video
@@ -223,6 +223,19 @@ def test_gaps_end_episodes(tmp_path: Path) -> None:
     first, second = convert(tmp_path / "log", tmp_path / "units")
     assert first["span"].stop_s <= 2.5 and second["span"].start_s >= 4.0
     assert {len(rows["rgb"]) for rows in (first, second)} == {10, 8}
+
+
+def test_the_floor_of_a_log_follows_the_base(tmp_path: Path) -> None:
+    write_log(tmp_path / "log")
+    topics = read_topic_map(topic_map(tmp_path))
+    tracks = read_tracks(tmp_path / "log", topics)
+    tracks.odometry.values[:, 2] += 0.4 * tracks.odometry.time_s
+    (span,) = spans(tracks, topics)
+    walk = rollout_of_span(
+        tracks, topics, span, robot="dog", joint_names=(), base_height_m=0.25, rate=4, name="a",
+        split="train", instruction="",
+    )  # fmt: skip
+    np.testing.assert_allclose(walk.floor_z_m, 0.05 + 0.4 * (walk.time_s + span.start_s), atol=1e-9)
 
 
 def test_depth_that_is_missing_is_invalid(tmp_path: Path) -> None:
