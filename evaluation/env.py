@@ -17,8 +17,8 @@ from ..formats.core.rollout import EndReason
 from ..formats.scene.bundle import load_bundle
 from ..rendering.camera.views import View, make_view
 from ..rendering.registry import make_renderer, scene_renderer_name
-from ..wayfinding.distance import AGENT_RADIUS_M, DistanceField, distance_field
-from ..wayfinding.storeys import StoreyDistance, Storeys
+from ..wayfinding.distance import DistanceField
+from ..wayfinding.storeys import StoreyDistance, distance_on, ground_of
 from .episode import closed_loop, evaluate_episode
 from .motions import DISCRETE, check_kind, checked_motion, numbers_of
 from .observation import BlankEye, Eye, Observation, Start, checked_action, proprioception
@@ -128,9 +128,8 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._bundle = load_bundle(Path(scene))
         lowest = min(episodes, key=lambda episode: episode.free_height_m)
         physics = base.physics.for_episode(lowest)
-        staircase = next(iter(lowest.staircases), None)
         self.world: World = open_world(
-            self._bundle, lowest.level, spec, None, physics, cache_dir, staircase
+            self._bundle, lowest.level, spec, None, physics, cache_dir, lowest.staircase
         )
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
         self._eye: Eye | BlankEye = BlankEye(self._view.camera)
@@ -168,11 +167,9 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         if not 0 <= number < len(self.episodes):
             raise InputError(f"episode {number}; valid: 0 to {len(self.episodes) - 1}")
         self.episode = self.episodes[number]
-        goal = self.episode.goal_position_world_m
-        if self.episode.staircases:
-            self._field = Storeys.of(self._bundle, self.episode.staircases).distance(goal)
-        else:
-            self._field = distance_field(self.world.freemap, goal[:2], AGENT_RADIUS_M)
+        over = bool(self.episode.staircases)
+        ground = ground_of(self._bundle, self.episode) if over else self.world.freemap
+        self._field = distance_on(ground, self.episode.goal_position_world_m)
         self.rollout = None
         self._walk = Walk(self._replay)
         self._last = self._walk.start()

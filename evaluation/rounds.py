@@ -33,6 +33,7 @@ class Round:
 
         Raises:
             PolicyError: the policy failed.
+            InputError: an episode takes more than one staircase.
             FileFormatError: a scene is missing or damaged.
         """
         config, groups = closed_loop(self.config), dict[tuple[object, ...], list[Episode]]()
@@ -41,8 +42,8 @@ class Round:
         for first, *others in groups.values():
             folder = self.scenes / first.scene_id
             bundle, physics = load_bundle(folder), config.physics.for_episode(first)
-            robot, staircase = get_robot(config.robot), next(iter(first.staircases), None)
-            world = open_world(bundle, first.level, robot, None, physics, None, staircase)
+            robot = get_robot(config.robot)
+            world = open_world(bundle, first.level, robot, None, physics, None, first.staircase)
             name = scene_renderer_name(folder, self.view.renderer)
             view = replace(self.view, renderer=name)
             eye = Eye(world, view, make_renderer(bundle, name, light=view.light))

@@ -23,7 +23,7 @@ from ..formats.scene.staircase import Staircase
 from .distance import AGENT_RADIUS_M, SNAP_M, DistanceField, distance_field
 from .planning import floor_z
 
-# On stairs things count that are lower over the treads than the robots that climb are high.
+# Free height of the Aliengo, so far the only robot that climbs.
 _STAIRS_HEIGHT_M = 0.65
 # A point that is nearer than this to two sheets, up or down and sideways, stands on both.
 _SAME_M = 0.03
@@ -222,7 +222,10 @@ class StoreyDistance:
 
 
 def stair_sheet(bundle: SceneBundle, index: int, free_height_m: float) -> Freemap:
-    """Return the planning map of a staircase, where a lamp over the treads blocks nothing."""
+    """Return the planning map of a staircase, where a lamp over the treads blocks nothing.
+
+    What is 0.65 m or more over them does not count, whoever climbs.
+    """
     return bundle.stair_freemap(index).for_height(min(free_height_m, _STAIRS_HEIGHT_M))
 
 
@@ -237,6 +240,13 @@ def climbable_staircase(bundle: SceneBundle, index: int) -> Staircase:
     except ValueError as error:
         raise InputError(str(error)) from error
     return bundle.staircases[index]
+
+
+def distance_on(ground: Freemap | Storeys, goal_m: Array) -> DistanceField | StoreyDistance:
+    """Return the distances on an episode's ground to a goal (3,) [m], or (2,) [m] on a level."""
+    if isinstance(ground, Storeys):
+        return ground.distance(goal_m)
+    return distance_field(ground, goal_m[:2], AGENT_RADIUS_M)
 
 
 def ground_of(bundle: SceneBundle, episode: Episode) -> Freemap | Storeys:

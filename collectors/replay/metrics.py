@@ -20,8 +20,7 @@ from ...formats.core.geometry import path_length, space_evenly
 from ...formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
 from ...formats.process.kernel import kernel
 from ...formats.scene.freemap import Freemap
-from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
-from ...wayfinding.storeys import Storeys
+from ...wayfinding.storeys import Storeys, distance_on
 
 ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
@@ -89,10 +88,7 @@ def rollout_metrics(
     base_m = position_world_m[0, 2] - episode.start_position_world_m[2]
     track = (position_world_m[ticks] - (0.0, 0.0, base_m))[:, :size]
     goal = episode.goal_position_world_m[:size]
-    if isinstance(ground, Storeys):
-        field = ground.distance(goal)
-    else:
-        field = distance_field(ground, goal, AGENT_RADIUS_M)
+    field = distance_on(ground, goal)
     distance = field.at(track)
     error = field.at(track[-1], math.inf)
     length = path_length(track)

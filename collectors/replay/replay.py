@@ -38,15 +38,15 @@ def replay_episode(
 
     Raises:
         UnknownNameError: no such robot or controller.
-        InputError: the controller cannot move the robot.
+        InputError: the controller cannot move the robot, nobody climbs the episode's staircase, or
+            it takes more than one.
         ValueError: the scene has no such level.
         FileFormatError: the level's or the policy's files are missing or broken.
     """
     robot = get_robot(config.robot)
     controller_for(robot, config.controller)
     physics = config.physics.for_episode(episode)
-    staircase = next(iter(episode.staircases), None)
-    world = open_world(bundle, episode.level, robot, None, physics, cache_dir, staircase)
+    world = open_world(bundle, episode.level, robot, None, physics, cache_dir, episode.staircase)
     return replay_in(world, episode, config)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from ..scene import FULL_HEIGHT_M
 from .arrays import I64, Array
+from .errors import InputError
 from .geometry import path_length
 
 
@@ -70,6 +71,20 @@ class Episode:
     def staircases(self) -> tuple[int, ...]:
         """Return the scene's staircases that the path takes, in order; none on a single level."""
         return tuple(self.extra.get("staircases", ()))
+
+    @property
+    def staircase(self) -> int | None:
+        """Return the staircase that the path takes; None on a single level.
+
+        Raises:
+            InputError: it takes more than one, which is too many for one physical world.
+        """
+        if len(self.staircases) > 1:
+            raise InputError(
+                f"episode {self.episode_id} of {self.scene_id} takes staircases "
+                f"{', '.join(map(str, self.staircases))}; valid: at most one"
+            )
+        return next(iter(self.staircases), None)
 
     @property
     def levels(self) -> tuple[int, ...]:

@@ -12,7 +12,7 @@ from gymnasium import spaces
 from gymnasium.utils.env_checker import check_env
 
 from tests.collectors.test_replay import make_episode, same
-from tests.support.scenes.storeys import write_two_storeys
+from tests.support.scenes.storeys import LINE, TOP_M, write_two_storeys
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
@@ -23,8 +23,10 @@ from vlnpe.evaluation.policies.baselines import Forward, Random, Stop
 from vlnpe.evaluation.policy import Assignment, PolicyError
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.core.geometry import path_length
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.sheet import save_sheet
 from vlnpe.pipeline.inputs.crews import action_timing
 from vlnpe.pipeline.stages.rollouts import replay_items
 from vlnpe.rendering.camera.rollout_frames import RolloutFrames
@@ -255,6 +257,27 @@ def test_rewards_lead_from_one_storey_to_the_other(tmp_path) -> None:
     # Turns on the spot earn nothing, and no step leads away.
     assert min(rewards) > -0.1
     assert sum(rewards) - SUCCESS_REWARD == pytest.approx(up.geodesic_distance_m, abs=0.3)
+
+
+def test_rewards_of_a_low_robot_lead_under_what_blocks_others(tmp_path) -> None:
+    building = write_two_storeys(tmp_path / "house")
+    sheet = building.freemap(0)
+    xy = sheet.grid.center_of(np.moveaxis(np.indices(sheet.grid.shape), 0, -1))
+    table = np.abs(xy[..., 0] - 7.0) < 0.3
+    blocked = replace(
+        sheet,
+        traversable=sheet.traversable & ~table,
+        headroom_m=np.where(table, 1.0, sheet.headroom_m).astype(np.float32),
+    )
+    save_sheet(building.level_folder(0), building.floor(0), building.obstacles(0), blocked)
+    path = np.vstack([[3.0, 2.0, 0.0], LINE, [15.0, 2.0, TOP_M]])
+    extra = {"staircases": [1], "levels": [0, 1], "free_height_m": 0.7}
+    under = Episode(
+        "e", "e", "two_storeys", "train", 0, path[0], 0.0, path[-1], path, 12.4, extra=extra
+    )
+    env = NavigationEnv(building.root, [under], controller="flash", images=False)
+    _, info = env.reset(options={"episode": 0})
+    assert info["distance_to_goal_m"] == pytest.approx(path_length(path), abs=0.1)
 
 
 def make_env(root, episodes):

@@ -15,12 +15,16 @@ from hypothesis import strategies as st
 from scipy.sparse.csgraph import shortest_path
 
 from tests.support.scenes.storeys import HEAD_X, LENGTH_M, LINE, TOP_M, write_two_storeys
+from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
+from vlnpe.collectors.robots import get_robot
+from vlnpe.evaluation.env import NavigationEnv
 from vlnpe.formats.core.episode import Episode
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.core.geometry import path_length, point_along
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
+from vlnpe.pipeline.stages.rollouts.replay_job import Walker, open_level
 from vlnpe.wayfinding.distance import AGENT_RADIUS_M, distance_field
 from vlnpe.wayfinding.legs import legs_of
 from vlnpe.wayfinding.storeys import Storeys, ground_of
@@ -177,6 +181,20 @@ def test_staircases_that_a_path_cannot_take_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=reason):
         legs_of(building, replace(episode(path), extra=dict(extra)))
+
+
+def test_physics_opens_one_staircase_and_says_so(building: SceneBundle) -> None:
+    assert episode(UP[:3]).staircase is None
+    assert episode(UP, staircases=[1], levels=[0, 1]).staircase == 1
+    twice = episode(UP, staircases=[1, 0], levels=[0, 1, 0])
+    walker = Walker(get_robot("aliengo"), ReplayConfig("aliengo"))
+    for take in (
+        lambda: replay_episode(building, twice, walker.config),
+        lambda: open_level(building.root, twice, walker, building.root),
+        lambda: NavigationEnv(building.root, [twice], images=False),
+    ):
+        with pytest.raises(InputError, match=r"takes staircases 1, 0; valid: at most one"):
+            take()
 
 
 @pytest.mark.parametrize(

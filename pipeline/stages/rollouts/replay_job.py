@@ -117,8 +117,7 @@ def actions(config: ReplayConfig) -> dict[str, Any]:
 def open_level(scene: Path, episode: Episode, walker: Walker, models: Path) -> World:
     """Return the opened level of an episode; `models` keeps compiled models."""
     physics = walker.config.physics.for_episode(episode)
-    staircase = next(iter(episode.staircases), None)
-    return _opened(scene, episode.level, staircase, walker.robot, physics, models)
+    return _opened(scene, episode.level, episode.staircase, walker.robot, physics, models)
 
 
 # Opening a level takes as long as a tenth of an episode; a worker keeps the last ones.
