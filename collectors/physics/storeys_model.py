@@ -17,6 +17,7 @@ from ...formats.core.arrays import Array, Mask
 from ...formats.scene.bundle import Obstacles, SceneBundle
 from ...formats.scene.grid import GridSpec
 from ...formats.scene.staircase import Treads
+from ...wayfinding.storeys import climbable_staircase
 from ..robots import RobotSpec
 from .config import LevelModelConfig
 from .floor_geom import GROUND_BODY, add_floor, walked_heights
@@ -45,13 +46,13 @@ def storeys_model(
     """Return the compiled model of a staircase and the levels it joins, as `level_model`.
 
     Raises:
-        ValueError: no such staircase, or nobody can climb it.
+        InputError: no such staircase, or nobody can climb it.
         FileFormatError: the scene's files are missing or damaged.
     """
     config = config or LevelModelConfig()
     if cache_dir is None:
         return build_storeys_model(bundle, staircase, robot, config)
-    levels = bundle.staircases[staircase].levels
+    levels = climbable_staircase(bundle, staircase).levels
     sheets = [bundle.stair_folder(staircase), *map(bundle.level_folder, levels)]
     facts = (bundle.scene_id, staircase, levels, bundle.level_floor_z_m)
     path = cache_dir / f"{model_key(__name__, sheets, facts, robot, config)}.mjb"
@@ -64,15 +65,15 @@ def build_storeys_model(
     """Compile two levels and their staircase with `robot` at the origin of the world.
 
     Raises:
-        ValueError: no such staircase, or nobody can climb it.
+        InputError: no such staircase, or nobody can climb it.
         FileFormatError: the scene's files are missing or damaged.
     """
     config = config or LevelModelConfig()
+    lower, upper = climbable_staircase(bundle, staircase).levels
     floor = JoinedFloor.of(bundle, staircase)
     stairs = _Stairs(floor.stairs.grid, bundle.stair_treads(staircase))
     reach_m, height_m = robot_extent(robot)
     scene = empty_scene(f"{bundle.scene_id}-stairs-{staircase}-{robot.name}")
-    lower, upper = bundle.staircases[staircase].levels
     maps = [bundle.freemap(k).for_height(config.free_height_m) for k in (lower, upper)]
     kind = add_floor(scene, floor.lower, walked_heights(floor.lower, maps[0]), config)
     ground = scene.body(GROUND_BODY)
@@ -137,14 +138,14 @@ def _add_upper_floor(
     record, grid = floor.upper.floor, floor.upper.floor.grid
     # The floor's edge over the stairs is the last of their boxes.
     cells = floor.upper.solid & ~stairs.touched_by(grid)
-    found = rectangles(cells, record.height_m, FLOOR_ERROR_M)
-    for low_row, low_column, row, column in found.tolist():
+    pieces = rectangles(cells, record.height_m, FLOOR_ERROR_M)
+    for low_row, low_column, row, column in pieces.tolist():
         z = record.height_m[low_row:row, low_column:column]
         x, y = grid.center_of([(low_row + row - 1) / 2, (low_column + column - 1) / 2])
         half = np.array([column - low_column, row - low_row, 0.0]) * grid.cell_m / 2
         half[2] = FLOOR_THICK_M / 2
         _add_floor_box(body, np.array([x, y, np.median(z) - half[2]]), half, 0.0, config)
-    return len(found)
+    return len(pieces)
 
 
 @dataclass(frozen=True)
@@ -154,26 +155,17 @@ class _Stairs:
     grid: GridSpec
     treads: Treads
 
-    def _inside(self, xy_m: Array, more_m: float) -> Mask:
-        """Return which points (..., 2) lie in a tread or landing, or at most this far beside it."""
-        inside = np.zeros(xy_m.shape[:-1], dtype=bool)
-        treads = self.treads
-        for center, half, yaw in list(zip(*vars(treads).values(), strict=True))[:-1]:
-            c, s = np.cos(yaw), np.sin(yaw)
-            own = np.abs((xy_m - center[:2]) @ np.array([[c, -s], [s, c]]))
-            inside |= np.all(own < half[:2] + more_m, axis=-1)
-        return inside
-
     def touched_by(self, grid: GridSpec) -> Mask:
         """Return the cells of another grid, (rows, columns), that overlap treads or landings."""
         centers = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))
-        return self._inside(centers, grid.cell_m / 2)
+        return np.any(self.treads.without_edge.holds(centers, grid.cell_m / 2), axis=0)
 
     @cached_property
     def _plan(self) -> Mask:
         """(rows, columns) cells of the sheet on which its own obstacles stand, and no others."""
         centers = self.grid.center_of(np.moveaxis(np.indices(self.grid.shape), 0, -1))
-        return binary_dilation(self._inside(centers, 0.0), np.ones((3, 3), dtype=bool))
+        inside = np.any(self.treads.without_edge.holds(centers), axis=0)
+        return binary_dilation(inside, np.ones((3, 3), dtype=bool))
 
     def cut_out(self, obstacles: Obstacles) -> Obstacles:
         """Return a level's boxes without what stands where the stairs are."""
@@ -198,9 +190,9 @@ class _Stairs:
         # Cells beyond the sheet's grid are free, and stand for all that lies there.
         first, end = grid.cell_of(low[:2]), grid.cell_of(high[:2]) + 1
         rows, columns = np.ogrid[first[0] : end[0], first[1] : end[1]]
-        known = (rows >= 0) & (rows < grid.rows) & (columns >= 0) & (columns < grid.columns)
+        on_grid = (rows >= 0) & (rows < grid.rows) & (columns >= 0) & (columns < grid.columns)
         free = (
-            ~known
+            ~on_grid
             | ~self._plan[np.clip(rows, 0, grid.rows - 1), np.clip(columns, 0, grid.columns - 1)]
         )
         origin = np.asarray(grid.origin_xy_m)

@@ -186,7 +186,8 @@ def open_world(
         staircase: joins the level with another one, if not None.
 
     Raises:
-        ValueError: no such level or staircase.
+        ValueError: no such level.
+        InputError: no such staircase, or nobody can climb it.
         FileFormatError: the level's or the policy's files are missing or broken.
     """
     config = config or LevelModelConfig()

@@ -134,6 +134,12 @@ def quat_to_yaw(quat_wxyz: ArrayLike) -> Array:
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
+def in_plan_frame(xy_m: ArrayLike, origin_xy_m: ArrayLike, yaw_rad: float) -> Array:
+    """Return points (..., 2) [m] ahead and to the left of an origin (2,) [m] with a heading."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return (np.asarray(xy_m) - np.asarray(origin_xy_m)) @ np.array([[c, -s], [s, c]])
+
+
 def wrap_angle(angle_rad: ArrayLike) -> Array:
     """Wrap angles (...) to [−π, π)."""
     return (np.asarray(angle_rad, dtype=np.float64) + np.pi) % (2 * np.pi) - np.pi

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..core.arrays import Array
+from ..core.arrays import Array, Mask
+from ..core.frames import in_plan_frame
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,8 @@ class Staircase:
         """
         lower, upper = values["levels"]
         if not 0 <= lower < upper < levels:
-            raise ValueError(f"staircase between levels {lower} and {upper}; valid: 0 … {levels}")
+            valid = f"0 … {levels - 1}, lower first"
+            raise ValueError(f"staircase between levels {lower} and {upper}; valid: {valid}")
         line = np.array(values["line_world_m"], dtype=np.float64)
         if line.ndim != 2 or line.shape[1] != 3 or len(line) < 2 or not np.isfinite(line).all():
             raise ValueError(f"staircase with a middle line of shape {line.shape}; valid: (K, 3)")
@@ -58,7 +60,7 @@ class Treads:
     """Treads and landings of a staircase, and the floor's edge at its head, as boxes.
 
     Attributes:
-        center_m: (n, 3) float64 world [m], in order of walking up.
+        center_m: (n, 3) float64 world [m], in order of walking up; the last is the floor's edge.
         half_m: (n, 3) float64 half sides [m]: along the box's own x and y, and z.
         yaw_rad: (n,) float64 direction of the box's x in the world; on flights it points up them.
     """
@@ -81,6 +83,29 @@ class Treads:
     def top_m(self) -> Array:
         """Heights (n,) [m] of their upper faces."""
         return self.center_m[:, 2] + self.half_m[:, 2]
+
+    @property
+    def without_edge(self) -> "Treads":
+        """The treads and landings alone."""
+        return Treads(self.center_m[:-1], self.half_m[:-1], self.yaw_rad[:-1])
+
+    def holds(self, xy_m: Array, more_m: float = 0.0) -> Mask:
+        """Return which boxes hold which points in plan, or pass them within `more_m` [m].
+
+        Where two boxes touch, a point lies in the upper one.
+
+        Args:
+            xy_m: (..., 2) world [m].
+
+        Returns:
+            (n, ...) bool.
+        """
+        result = np.empty((len(self.yaw_rad), *xy_m.shape[:-1]), dtype=bool)
+        for k, (center, half) in enumerate(zip(self.center_m, self.half_m, strict=True)):
+            own = in_plan_frame(xy_m, center[:2], self.yaw_rad[k])
+            reach = half[:2] + more_m
+            result[k] = np.all((own >= -reach) & (own < reach), axis=-1)
+        return result
 
     @staticmethod
     def joined(parts: Sequence["Treads"]) -> "Treads":

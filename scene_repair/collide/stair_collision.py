@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...formats.core.arrays import Array, Mask
+from ...formats.core.frames import in_plan_frame
 from ...formats.scene.bundle import Floor
 from ...formats.scene.freemap import Freemap
 from ...formats.scene.grid import GridSpec
@@ -113,22 +114,15 @@ def _lay(treads: Treads, foot: "_Apron", head: "_Apron", fine: GridSpec) -> tupl
     head.lay(height, xy, foot)
     center[-1, 2] = float(np.median(height[head.core(xy)])) - half[-1, 2]
     treads = replace(treads, center_m=center)
-    for k in range(len(center) - 1):
-        inside = _inside(xy, center[k, :2], treads.yaw_rad[k], -half[k, :2], half[k, :2])
-        height[inside] = np.fmax(height[inside], treads.top_m[k])
+    steps = treads.without_edge
+    for inside, top_m in zip(steps.holds(xy), steps.top_m, strict=True):
+        height[inside] = np.fmax(height[inside], top_m)
     return cropped(Floor(grid, extend(height).astype(np.float32), np.isfinite(height))), treads
 
 
 def _centers(grid: GridSpec) -> Array:
     """Return the centres (rows, columns, 2) [m] of all cells."""
     return grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1))
-
-
-def _inside(xy: Array, place_m: Array, yaw: float, low: Array, high: Array) -> Mask:
-    """Return which points (..., 2) lie between two corners of a turned rectangle about a place."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    own = (xy - place_m) @ np.array([[c, -s], [s, c]])
-    return np.all((own >= low) & (own < high), axis=-1)
 
 
 @dataclass(frozen=True)
@@ -146,7 +140,8 @@ class _Apron:
             right, left = left, right
         yaw = float(np.arctan2(self.away[1], self.away[0]))
         low, high = np.array([0.0, -right - beside_m]), np.array([length_m, left + beside_m])
-        return _inside(xy, self.end_m[:2], yaw, low, high)
+        own = in_plan_frame(xy, self.end_m[:2], yaw)
+        return np.all((own >= low) & (own < high), axis=-1)
 
     def core(self, xy: Array) -> Mask:
         """Return the cells that are floor even where the scan has none."""

@@ -187,14 +187,8 @@ def _row(flight: Flight, risers: Sequence[int], length_m: float) -> Treads:
 
 def _passes_over_itself(boxes: Treads) -> bool:
     """Return whether a tread lies over another, by more than the next ones overlap."""
-    middle, top = boxes.center_m[:, :2], boxes.top_m
-    for k in range(len(top)):
-        c, s = np.cos(boxes.yaw_rad[k]), np.sin(boxes.yaw_rad[k])
-        own = (middle - middle[k]) @ np.array([[c, -s], [s, c]])
-        over = np.all(np.abs(own) < boxes.half_m[k, :2], axis=1)
-        if (over & (np.abs(top - top[k]) > OVER_M)).any():
-            return True
-    return False
+    top = boxes.top_m
+    return bool((boxes.holds(boxes.center_m[:, :2]) & (np.abs(top - top[:, None]) > OVER_M)).any())
 
 
 def _line(flights: Sequence[Flight], landings: Sequence[_Landing]) -> Array:

@@ -87,8 +87,8 @@ def ways_up(
 
     free = np.ones(size, dtype=bool)
     for _ in range(MOST_BETWEEN_LEVELS):
-        kept = free[pairs].all(axis=1)
-        graph = csr_array((length[kept], pairs[kept].T), shape=(size, size))
+        joined = free[pairs].all(axis=1)
+        graph = csr_array((length[joined], pairs[joined].T), shape=(size, size))
         far, before, _ = dijkstra(
             graph,
             directed=False,
@@ -100,9 +100,9 @@ def ways_up(
         last = int(np.argmin(far)) if size else 0
         if not np.isfinite(far[last : last + 1]).any():
             return
-        way = _way(before, last)
-        treads = [end(way[0], at_foot)]
-        for group in _groups(way[1:-1], points[:, 2]):
+        nodes = _path(before, last)
+        treads = [end(nodes[0], at_foot)]
+        for group in _groups(nodes[1:-1], points[:, 2]):
             height = np.median(points[group, 2])
             own = np.abs(points[:, 2] - height) < TREAD_STEP_M
             # A ceiling may lie in the plane of a tread.
@@ -117,7 +117,7 @@ def ways_up(
                 )
             )
             free[own] = False
-        yield [*treads, end(way[-1], at_head)]
+        yield [*treads, end(nodes[-1], at_head)]
 
 
 def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: ScannedFloor) -> I64:
@@ -142,18 +142,18 @@ def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: Sca
     return np.flatnonzero((between | level) & np.isin(area[surfaces.cell], stairs))
 
 
-def _way(before: I64, end: int) -> list[int]:
-    """Return the nodes of a shortest way, its start first."""
-    way = [end]
-    while before[way[-1]] >= 0:
-        way.append(int(before[way[-1]]))
-    return way[::-1]
+def _path(before: I64, end: int) -> list[int]:
+    """Return the nodes of a shortest path, its start first."""
+    nodes = [end]
+    while before[nodes[-1]] >= 0:
+        nodes.append(int(before[nodes[-1]]))
+    return nodes[::-1]
 
 
-def _groups(way: list[int], z_m: Array) -> list[list[int]]:
-    """Divide the nodes of a way where its height changes by a step."""
-    groups = [[way[0]]]
-    for node in way[1:]:
+def _groups(nodes: list[int], z_m: Array) -> list[list[int]]:
+    """Divide the nodes of a path where its height changes by a step."""
+    groups = [[nodes[0]]]
+    for node in nodes[1:]:
         if abs(z_m[node] - z_m[groups[-1][0]]) >= TREAD_STEP_M:
             groups.append([])
         groups[-1].append(node)

@@ -1,5 +1,6 @@
 """One model holds a staircase and both its levels: bodies rest on every tread, and find no gap."""
 
+import itertools
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,7 @@ from tests.support.scenes.repairs import repaired
 from tests.support.scenes.stair_halls import StairHall, stair_hall
 from vlnpe.collectors.physics import JoinedFloor, build_storeys_model, storeys_model
 from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.scene.bundle import SceneBundle
 
 pytestmark = pytest.mark.chain
@@ -150,5 +152,6 @@ def test_models_are_kept_until_the_staircase_changes(tmp_path: Path) -> None:
     np.savez(path, **{**vars(treads), "half_m": treads.half_m * (1.0, 0.9, 1.0)})
     storeys_model(bundle, 0, make_cart(), cache_dir=cache)
     assert len(list(cache.glob("*.mjb"))) == 2
-    with pytest.raises(ValueError, match="valid: 0 … 0"):
-        storeys_model(bundle, 1, make_cart())
+    for wrong, folder in itertools.product((1, -1), (cache, None)):
+        with pytest.raises(InputError, match=f"staircase {wrong} of .*; valid: 0 … 0"):
+            storeys_model(bundle, wrong, make_cart(), cache_dir=folder)

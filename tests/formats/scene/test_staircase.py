@@ -92,3 +92,18 @@ def test_damaged_treads_are_refused(tmp_path: Path) -> None:
     path.unlink()
     with pytest.raises(FileFormatError, match="missing"):
         bundle.stair_treads(1)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.3, -2.0])
+def test_boxes_hold_the_points_on_them(yaw_rad: float) -> None:
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    ahead, left = np.array([c, s]), np.array([-s, c])
+    first = np.array([4.0, -1.0])
+    center = np.array([[*first, 0.1], [*(first + 0.3 * ahead), 0.2]])
+    treads = Treads(center, np.tile([0.15, 0.5, 0.1], (2, 1)), np.full(2, yaw_rad))
+    points = np.array([first, first + 0.1 * ahead - 0.49 * left, first + 0.2 * ahead])
+    assert treads.holds(points).tolist() == [[True, True, False], [False, False, True]]
+    assert treads.holds(points[None], 0.06).tolist() == [[[True] * 3], [[False, True, True]]]
+    beside = first + 0.53 * left
+    assert not treads.holds(beside).any() and treads.holds(beside, 0.05).tolist() == [True, False]
+    assert len(treads.without_edge.yaw_rad) == 1
