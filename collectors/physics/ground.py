@@ -6,10 +6,8 @@ from typing import Protocol
 import numpy as np
 
 from ...formats.core.arrays import Array
-from .joined_floor import JoinedFloor
+from .joined_floor import STOREY_M, JoinedFloor
 
-# Farther above or below a robot's feet than this is another storey, or a hole that it keeps out of.
-STOREY_M = 0.75
 AHEAD_M = np.linspace(-0.5, 0.5, 26)  # of a base: where the slope of stairs is measured
 
 

@@ -9,8 +9,9 @@ from ...formats.core.arrays import Array, Mask
 from ...formats.scene.bundle import Floor, SceneBundle
 from .floor_surface import FloorSurface
 
-# Ground within this height of a place belongs to it: two steps, and less than half a storey.
-NEAR_M = 0.7
+# Ground this far above or below a place or a robot's feet is another storey, or a hole that the
+# robot keeps out of: more than two steps, and less than half a storey.
+STOREY_M = 0.7
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class JoinedFloor:
         # Where one level has no floor, the other one may.
         away = [np.abs(z - near) + np.where(solid, 0.0, 1000.0) for solid, z in (lower, upper)]
         level = np.where(away[0] <= away[1], lower[1], upper[1])
-        return np.where(on_stairs & (np.abs(tread - near) < NEAR_M), tread, level)
+        return np.where(on_stairs & (np.abs(tread - near) < STOREY_M), tread, level)
 
     def is_solid(self, x_m: float, y_m: float, near_z_m: float) -> bool:
         """Return whether there is floor to stand on at a point and near to a height [m]."""
@@ -59,7 +60,7 @@ class JoinedFloor:
             self._level(self.lower, xy),
             self._level(self.upper, xy),
         )
-        return any(bool(solid) and abs(float(z) - near_z_m) < NEAR_M for solid, z in sheets)
+        return any(bool(solid) and abs(float(z) - near_z_m) < STOREY_M for solid, z in sheets)
 
     def _level(self, level: FloorSurface, xy: Array) -> tuple[Mask, Array]:
         """Return whether a level has floor at points (..., 2), and its height there, both (...).

@@ -35,7 +35,7 @@ from ..controllers import (
     Teleporter,
     controller_for,
 )
-from ..physics.ground import STOREY_M
+from ..physics.joined_floor import STOREY_M
 from ..physics.outcome import OutcomeWatch
 from ..robots import POLICY_DECIMATION, TIMESTEP_S
 from .config import ReplayConfig
