@@ -59,8 +59,10 @@ def facts_of(log: Mapping[str, Any]) -> dict[str, Any]:
 def _staircase(staircase: Mapping[str, Any]) -> str:
     """Return a staircase in words."""
     lower, upper = staircase["levels"]
+    flights = staircase["flights"]
     text = (
-        f"level {lower} to {upper}: {staircase['flights']} flights, {staircase['risers']} risers "
+        f"level {lower} to {upper}: {flights} flight{'s' * (flights != 1)}, "
+        f"{staircase['risers']} risers "
         f"up to {100 * staircase['riser_m']:.1f} cm, treads {100 * staircase['going_m']:.0f} cm, "
         f"{staircase['width_m']:.2f} m wide"
     )
