@@ -80,7 +80,7 @@ def run(options: Collect) -> int:
         raise InputError("--keep-climbable keeps episodes of a file; to sample some: --storeys")
     climber_m = climber_radius(robots) if options.keep_climbable else None
     names = tuple(name.strip() for name in options.stair_rules.split(","))
-    rules = StairRules(names, climber_radius_m=climber_m)
+    rules = StairRules(names, climber_radius_m=climber_m, free_height_m=height_m)
     collision = str(options.collision.resolve()) if options.collision else ""
     repairing = options.repair_config(collision=collision)
     with open_context(

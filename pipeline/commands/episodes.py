@@ -101,10 +101,13 @@ def run_filter(options: Filter) -> int:
     several = len(options.episodes) > 1
     out = _out(options.out, "kept", several)
     names = tuple(name.strip() for name in options.rules.split(",") if name.strip())
-    climber_m = climber_radius(_robots(options.robot)) if options.keep_climbable else None
-    if options.robot and climber_m is None:
-        raise InputError("--robot names who climbs the stairs that --keep-climbable keeps")
-    rules = StairRules(names, options.combine, options.max_step_m, climber_m)
+    robots = _robots(options.robot)
+    climber_m = climber_radius(robots) if options.keep_climbable else None
+    if climber_m is None and (robots or options.free_height_m != Filter.free_height_m):
+        option = "--robot names" if robots else "--free-height-m is for"
+        raise InputError(f"{option} who climbs the stairs that --keep-climbable keeps")
+    height_m = chosen_free_height(robots, options.free_height_m)
+    rules = StairRules(names, options.combine, options.max_step_m, climber_m, height_m)
     scenes: dict[str, Row] = {}
     if options.scenes is not None:
         scenes = repair.rows_of(options.scenes)

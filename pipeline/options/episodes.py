@@ -96,7 +96,7 @@ class Align(WalkedBy, Parallel):
 
 
 @dataclass(frozen=True)
-class Filter(Parallel):
+class Filter(Clearance, Parallel):
     """Drop episodes that climb stairs, detected by height steps in the reference path."""
 
     episodes: tyro.conf.Positional[tuple[Path, ...]]

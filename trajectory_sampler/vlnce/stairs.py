@@ -13,14 +13,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...formats.core.errors import InputError, check_name
-from ...formats.core.frames import HABITAT_TO_WORLD, transform_points
+from ...formats.core.frames import transform_points
 from ...formats.scene import FULL_HEIGHT_M
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode, VlnceFile
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
 from .climb import climb_of
-from .levels import level_gaps
+from .levels import level_gaps, points_of, world_from
 from .stair_words import stair_word, unknown_language
 
 MAX_STEP_M = 0.3  # VLN-PE's public rule
@@ -41,12 +41,14 @@ class StairRules:
         max_step_m: largest height between two reference points allowed by `step` [m].
         climber_radius_m: keep what a robot of this radius can walk over a climbable staircase,
             whatever the rules say; None keeps none of it [m].
+        free_height_m: free height that this robot needs [m].
     """
 
     rules: tuple[str, ...] = (STEP,)
     combine: str = ANY
     max_step_m: float = MAX_STEP_M
     climber_radius_m: float | None = None
+    free_height_m: float = FULL_HEIGHT_M
 
     def __post_init__(self):
         if not self.rules:
@@ -239,29 +241,20 @@ class _Judge:
         scene = episode.scene_stem
         if scene not in self.bundles:
             return f"scene {episode.scene_id!r} is not repaired"
-        if not len(episode.reference_path_habitat_m):
-            return "it has no reference path"
-        key = (scene, episode.reference_path_habitat_m.tobytes())
+        if not episode.goals or not len(episode.reference_path_habitat_m):
+            return "it has no goal or no reference path"
+        bundle, radius_m = self.bundles[scene], self.rules.climber_radius_m or 0.0
+        points, height_m = points_of(episode, bundle), self.rules.free_height_m
+        key = (scene, points.tobytes())
         if key not in self.climbs:
-            bundle, radius_m = self.bundles[scene], self.rules.climber_radius_m or 0.0
-            path = self._path_m(episode, bundle)
-            climb = climb_of(
-                bundle,
-                self._freemaps(bundle, scene),
-                path,
-                radius_m=radius_m,
-                free_height_m=FULL_HEIGHT_M,
-            )
+            freemaps = self._freemaps(bundle, scene)
+            climb = climb_of(bundle, freemaps, points, radius_m=radius_m, free_height_m=height_m)
             self.climbs[key] = climb if isinstance(climb, str) else ""
         return self.climbs[key]
 
     def _leaves_level(self, episode: VlnceEpisode, bundle: SceneBundle) -> str:
-        path = self._path_m(episode, bundle)
+        path = transform_points(world_from(episode, bundle), episode.reference_path_habitat_m)
         return _leaving(self._freemaps(bundle, episode.scene_stem), path)
-
-    def _path_m(self, episode: VlnceEpisode, bundle: SceneBundle) -> np.ndarray:
-        to_world = HABITAT_TO_WORLD if episode.in_repaired_world else bundle.habitat_to_world
-        return transform_points(to_world, episode.reference_path_habitat_m)
 
     def _freemaps(self, bundle: SceneBundle, scene: str) -> list[Freemap]:
         if scene not in self.freemaps:
