@@ -7,12 +7,11 @@ import numpy as np
 
 from ..formats.core.arrays import I32, I64, Array
 from ..formats.core.errors import SceneError
-from ..formats.core.geometry import arc_length, resample
+from ..formats.core.geometry import arc_length
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from ..wayfinding.planning import segments_free
 from ..wayfinding.regions import RegionMap
-from ..wayfinding.storeys import End, Storeys
+from ..wayfinding.storeys import End, Storeys, is_free_to_stairs
 from .config import SampleConfig
 from .ground import Visits, waypoints
 from .level import FAR_HOPS, room_hops, visits
@@ -20,7 +19,6 @@ from .view import SceneView
 
 # Starts and goals are at least so far from the staircase: a path goes somewhere on both levels.
 _FROM_STAIRS_M = 2.0
-_FINE_M = 0.1  # pieces of a path are free on a level or on a staircase
 _ON_FLOOR_M = 0.1  # places within this height of a level's floor are on that level
 
 
@@ -148,16 +146,12 @@ class Joined:
     def is_free(self, reference_m: Array) -> bool:
         """See `Ground`."""
         stairs = self.storeys.staircases[self.staircase].freemap
-        for part in self._parts(reference_m):
-            path = resample(reference_m[part], _FINE_M)
-            level = self._freemap(self.side(path[0]))
-            # On a level its stairs are an obstacle; before and behind them their own sheet counts.
-            apron = np.abs(stairs.floor_z_m - path[0, 2]) <= _ON_FLOOR_M
-            free = segments_free(level.grid, level.free(self.radius_m), path)
-            free |= segments_free(stairs.grid, stairs.free(self.tight_m) & apron, path)
-            if not free.all():
-                return False
-        return True
+        paths = [reference_m[part] for part in self._parts(reference_m)]
+        levels = [self._freemap(self.side(path[0])) for path in paths]
+        return all(
+            is_free_to_stairs(level, stairs, path, self.radius_m, self.tight_m)
+            for level, path in zip(levels, paths, strict=True)
+        )
 
     def side(self, point_m: Array) -> int:
         """Return 0 for a point (3,) [m] near the lower level, 1 near the upper one."""

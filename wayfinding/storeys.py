@@ -15,18 +15,20 @@ from scipy.ndimage import distance_transform_edt
 from ..formats.core.arrays import Array, Mask
 from ..formats.core.episode import Episode
 from ..formats.core.errors import InputError
-from ..formats.core.geometry import arc_length, path_length
+from ..formats.core.geometry import arc_length, path_length, resample
 from ..formats.scene import FULL_HEIGHT_M
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.staircase import Staircase
 from .distance import AGENT_RADIUS_M, SNAP_M, DistanceField, distance_field
-from .planning import floor_z
+from .planning import floor_z, segments_free
 
 # Free height of the Aliengo, so far the only robot that climbs.
 _STAIRS_HEIGHT_M = 0.65
 # A point that is nearer than this to two sheets, up or down and sideways, stands on both.
 _SAME_M = 0.03
+_FINE_M = 0.1  # pieces of a path are free on a level or on a staircase
+_APRON_M = 0.1  # a staircase's cells within this height of a level's floor are at its ends
 
 End = tuple[int, int]  # a staircase's index, and 0 for its foot or 1 for its head
 
@@ -227,6 +229,24 @@ def stair_sheet(bundle: SceneBundle, index: int, free_height_m: float) -> Freema
     What is 0.65 m or more over them does not count, whoever climbs.
     """
     return bundle.stair_freemap(index).for_height(min(free_height_m, _STAIRS_HEIGHT_M))
+
+
+def is_free_to_stairs(
+    level: Freemap, stairs: Freemap, path_m: Array, level_radius_m: float, stairs_radius_m: float
+) -> bool:
+    """Return whether a path (P, 3) [m] on a level, to or from a staircase, is free for a disc.
+
+    On a level its stairs are an obstacle; before and behind them their own sheet counts.
+
+    Args:
+        stairs: sheet of the staircase.
+        level_radius_m, stairs_radius_m: of the disc on the level and at the staircase's ends [m].
+    """
+    path = resample(path_m, _FINE_M)
+    apron = np.abs(stairs.floor_z_m - path[0, 2]) <= _APRON_M
+    free = segments_free(level.grid, level.free(level_radius_m), path)
+    free |= segments_free(stairs.grid, stairs.free(stairs_radius_m) & apron, path)
+    return bool(free.all())
 
 
 def climbable_staircase(bundle: SceneBundle, index: int) -> Staircase:

@@ -6,12 +6,14 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode, VlnceFile
 from ..record import low_passage, over_stairs
 from .align_config import AlignConfig
-from .fit import FittedPath, RejectedError, fit_path
+from .fit import FittedPath, fit_path
+from .levels import RejectedError
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,8 @@ def align_episodes(
                 changed.update(_kinds(fitted.changes))
             except RejectedError as error:
                 fits[key] = error
+            except (InputError, ValueError) as error:  # a damaged record costs only its episodes
+                fits[key] = RejectedError(f"{type(error).__name__}: {error}")
         fitted = fits[key]
         if isinstance(fitted, RejectedError):
             result.rejected.append((raw.episode_id, str(fitted)))

@@ -9,20 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import label
 
-from ...formats.core.frames import HABITAT_TO_WORLD, Array, habitat_to_world_yaw, transform_points
-from ...formats.core.geometry import distances_to_path, path_length
+from ...formats.core.frames import HABITAT_TO_WORLD, Array, habitat_to_world_yaw
+from ...formats.core.geometry import path_length
 from ...formats.scene.bundle import SceneBundle
 from ...formats.scene.freemap import Freemap
 from ...formats.vlnce.files import VlnceEpisode
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field, nearest_cell
-from ...wayfinding.legs import line_between
 from ...wayfinding.planning import floor_z, plan_path, segments_free, simplify_path
-from ...wayfinding.storeys import Storeys
 from .align_config import AlignConfig
-from .climb import Climb, climb_of
-from .levels import level_gaps
-
-_STAIRS = "staircase"  # name of the point where a part of a path meets a staircase
+from .climb import around_stairs, climb_of, joined
+from .levels import STAIRS, Part, RejectedError, level_under, place_text, points_of, world_from
 
 
 @dataclass(frozen=True)
@@ -35,26 +31,6 @@ class FittedPath:
     yaw_rad: float
     geodesic_m: float
     changes: dict[str, Any]
-
-
-class RejectedError(Exception):
-    """An episode cannot be aligned; the message says why."""
-
-
-@dataclass(frozen=True)
-class _Part:
-    """A part of a path on one level, before and after it was fitted.
-
-    Attributes:
-        points_m: (P, 3) as in the file [m], from start to goal.
-        names: (P,) of the points.
-        gaps_m: (P,) heights of the points above the floor [m].
-    """
-
-    freemap: Freemap
-    points_m: Array
-    names: list[str]
-    gaps_m: Array
 
 
 def fit_path(
@@ -70,43 +46,34 @@ def fit_path(
     """
     if not raw.goals or not len(raw.reference_path_habitat_m):
         raise RejectedError("no goal or no reference path, as in a test split")
-    to_world = HABITAT_TO_WORLD if raw.in_repaired_world else bundle.habitat_to_world
-    start = transform_points(to_world, raw.start_position_habitat_m)
-    goal = transform_points(to_world, raw.goals[0].position_habitat_m)
-    path = transform_points(to_world, raw.reference_path_habitat_m)
-    points = np.vstack([start, path, goal])
+    points = points_of(raw, bundle)
+    path = points[1:-1]
     names = ["start", *(f"waypoint {k}" for k in range(len(path))), "goal"]
-    line = np.empty((0, 3))
+    climb = None
     try:
-        level, gaps = _level(freemaps, points, config)
+        level, gaps = level_under(freemaps, points, config.max_floor_gap_m)
         levels, staircases = (level,), ()
-        parts = [_Part(freemaps[level], points, names, gaps)]
+        parts = [Part(freemaps[level], points, names, gaps)]
     except RejectedError as error:
         if not config.keep_climbable:
             raise
-        climb = climb_of(
-            bundle,
-            freemaps,
-            points,
-            radius_m=config.robot_radius_m,
-            free_height_m=config.free_height_m,
-        )
+        radius_m, height_m = config.robot_radius_m, config.free_height_m
+        climb = climb_of(bundle, freemaps, points, radius_m=radius_m, free_height_m=height_m)
         if isinstance(climb, str):
             raise RejectedError(f"{error}; {climb}") from error
         levels, staircases = climb.levels, (climb.staircase,)
-        line = line_between(bundle.staircases[climb.staircase], *levels)
-        parts = _around_stairs(freemaps, points, names, climb, line)
+        parts = around_stairs(climb, points, names)
     moved: dict[str, float] = {}
     bypassed: list[dict[str, Any]] = []
     placed = [_placed(part, config, moved, bypassed) for part in parts]
-    _check(moved, bypassed, path, config, over_stairs=bool(staircases))
+    _check(moved, bypassed, path, config, over_stairs=climb is not None)
     fitted = [
         _passable(part.freemap, free, places, config)
         for part, (free, places) in zip(parts, placed, strict=True)
     ]
     whole = fitted[0][0]
-    if staircases:
-        whole = np.vstack([whole[:-1], line, fitted[1][0][1:]])
+    if climb:
+        whole = joined(climb, whole, fitted[1][0], config.robot_radius_m)
     gap_of = {
         name: gap for part in parts for name, gap in zip(part.names, part.gaps_m, strict=True)
     }
@@ -128,55 +95,24 @@ def fit_path(
         "bypassed": bypassed,
         "length_m": [round(path_length(path), 3), round(path_length(whole), 3)],
     }
-    if staircases:
-        storeys = Storeys.of(bundle, staircases, config.free_height_m)
-        geodesic = float(storeys.distance(whole[-1]).at(whole[0]))
+    if climb:
+        geodesic = float(climb.storeys.distance(whole[-1]).at(whole[0]))
     else:
         ((_, places),) = placed
         field = distance_field(parts[0].freemap, places[-1], AGENT_RADIUS_M)
         geodesic = float(field.at(places[0]))
-    return FittedPath(levels, staircases, whole, _yaw(to_world, raw), geodesic, changes)
-
-
-def _around_stairs(
-    freemaps: Sequence[Freemap], points: Array, names: list[str], climb: Climb, line: Array
-) -> list[_Part]:
-    """Return the parts of a path (P, 3) before and behind the middle line (K, 3) of its stairs."""
-    count = len(points)
-    before = list(range(climb.before))
-    behind = list(range(count - climb.behind, count))
-    # Points past a line's end would lead back to it.
-    while len(before) > 1 and _is_past(points[before[-1]], line[0], line):
-        before.pop()
-    while len(behind) > 1 and _is_past(points[behind[0]], line[-1], line):
-        behind.pop(0)
-    parts = []
-    for level, own, called in (
-        (climb.levels[0], [*points[before], line[0]], [*(names[k] for k in before), _STAIRS]),
-        (climb.levels[1], [line[-1], *points[behind]], [_STAIRS, *(names[k] for k in behind)]),
-    ):
-        points_m = np.array(own)
-        (gaps,) = level_gaps([freemaps[level]], points_m)
-        gaps = np.where(np.isinf(gaps), 0.0, gaps)
-        parts.append(_Part(freemaps[level], points_m, called, gaps))
-    return parts
-
-
-def _is_past(point: Array, end: Array, line: Array) -> bool:
-    """Return whether a point (3,) is beside a line (K, 3) rather than before its end."""
-    beside = distances_to_path(point[None], line)[0]
-    return bool(beside < np.linalg.norm(point - end) - 1e-6)
+    return FittedPath(levels, staircases, whole, _yaw(raw, bundle), geodesic, changes)
 
 
 def _placed(
-    part: _Part, config: AlignConfig, moved: dict[str, float], bypassed: list[dict[str, Any]]
+    part: Part, config: AlignConfig, moved: dict[str, float], bypassed: list[dict[str, Any]]
 ) -> tuple[NDArray[np.bool_], list[Array]]:
     """Return the connected free floor of a part, and the places (2,) of its points on it.
 
     Adds to `moved` how far points moved [m], by name, and to `bypassed` those without a place.
     """
     (start, *path, goal), freemap = part.points_m, part.freemap
-    if _STAIRS in part.names:  # starts and goals are compared where both are known
+    if STAIRS in part.names:  # starts and goals are compared where both are known
         config = replace(config, goal_beyond_start=True)
     free, start_xy, goal_xy = _connected_ends(freemap, start, goal, config)
     moved[part.names[0]] = float(np.linalg.norm(start_xy - start[:2]))
@@ -205,9 +141,9 @@ def _check(
     """Raise RejectedError if too much of a path (P, 3) would be changed."""
     if over_stairs and _too_far((moved["start"], moved["goal"]), config):
         raise RejectedError(
-            f"the goal at {_place(path[-1])} would be moved by {moved['goal']:.2f} m, the start by "
-            f"{moved['start']:.2f} m; goals are moved no farther than their starts, unless "
-            "--goal-beyond-start is given"
+            f"the goal at {place_text(path[-1])} would be moved by {moved['goal']:.2f} m, the "
+            f"start by {moved['start']:.2f} m; goals are moved no farther than their starts, "
+            "unless --goal-beyond-start is given"
         )
     allowed = config.max_bypassed_share * max(1, len(path) - 2)
     if len(bypassed) > allowed:
@@ -218,34 +154,6 @@ def _check(
             f"{config.robot_radius_m:g} m reaches; at most {config.max_bypassed_share:g} of the "
             "inner ones may be bypassed"
         )
-
-
-def _level(freemaps: list[Freemap], points: Array, config: AlignConfig) -> tuple[int, Array]:
-    """Return the level under a path (P, 3) [m], and the heights above its floor (P,) [m].
-
-    Its ends must lie on that floor. Inner points without floor nearby are compared with the level's
-    usual height: at a hole they can be bypassed, on stairs they are too high or too low.
-    """
-    gaps = level_gaps(freemaps, points)
-    for freemap, inner in zip(freemaps, gaps[:, 1:-1], strict=True):
-        if np.isfinite(freemap.floor_z_m).any():
-            usual_m = float(np.nanmedian(freemap.floor_z_m))
-            inner[:] = np.where(np.isinf(inner), points[1:-1, 2] - usual_m, inner)
-    worst = np.abs(gaps).max(axis=1)
-    level = int(np.argmin(worst))
-    if worst[level] <= config.max_floor_gap_m:
-        return level, gaps[level]
-    # Say what is wrong by the level that most of the path lies on.
-    level = int(np.argmin(np.median(np.abs(gaps), axis=1)))
-    point = int(np.argmax(np.abs(gaps[level])))
-    gap = gaps[level, point]
-    where = f"of level {level} at {_place(points[point])}"
-    if not np.isfinite(gap):
-        raise RejectedError(f"there is no floor {where}")
-    raise RejectedError(
-        f"a point lies {abs(gap):.2f} m {'above' if gap > 0 else 'below'} the floor {where}; "
-        f"at most {config.max_floor_gap_m:g} m is allowed (the path may change levels)"
-    )
 
 
 def _connected_ends(
@@ -269,7 +177,7 @@ def _connected_ends(
         }
         if not places:
             raise RejectedError(
-                f"the {what} at {_place(point)} is in collision, farther than "
+                f"the {what} at {place_text(point)} is in collision, farther than "
                 f"{limit:g} m from floor that is free for radius {config.robot_radius_m:g} m"
             )
         options.append(places)
@@ -277,7 +185,7 @@ def _connected_ends(
     if not common:
         raise RejectedError(
             "start and goal are not connected for a robot of radius "
-            f"{config.robot_radius_m:g} m, {_place(start)} and {_place(goal)}"
+            f"{config.robot_radius_m:g} m, {place_text(start)} and {place_text(goal)}"
         )
     moved = {
         part: [
@@ -290,7 +198,7 @@ def _connected_ends(
     if _too_far(moved[part], config):
         start_moved, goal_moved = moved[part]
         raise RejectedError(
-            f"the goal at {_place(goal)} would be moved by {goal_moved:.2f} m, the start by "
+            f"the goal at {place_text(goal)} would be moved by {goal_moved:.2f} m, the start by "
             f"{start_moved:.2f} m, for a robot of radius {config.robot_radius_m:g} m; goals are "
             "moved no farther than their starts, unless --goal-beyond-start is given"
         )
@@ -344,7 +252,7 @@ def _passable(
         planned = plan_path(freemap, a, b, config.robot_radius_m)
         if planned is None:
             raise RejectedError(
-                f"no path leads from waypoint {_place(a)} to {_place(b)} for a robot of "
+                f"no path leads from waypoint {place_text(a)} to {place_text(b)} for a robot of "
                 f"radius {config.robot_radius_m:g} m"
             )
         thin = simplify_path(
@@ -362,13 +270,10 @@ def _passable(
     return np.column_stack([xy, floor_z(freemap, xy)]), detours
 
 
-def _yaw(to_world: Array, raw: VlnceEpisode) -> float:
+def _yaw(raw: VlnceEpisode, bundle: SceneBundle) -> float:
     """Return the heading of the start in the levelled world [rad]."""
+    to_world = world_from(raw, bundle)
     yaw = habitat_to_world_yaw(raw.start_rotation_xyzw)
     levelling = to_world[:3, :3] @ HABITAT_TO_WORLD[:3, :3].T
     ahead = levelling @ (np.cos(yaw), np.sin(yaw), 0.0)
     return float(np.arctan2(ahead[1], ahead[0]))
-
-
-def _place(point: Array) -> str:
-    return "(" + ", ".join(f"{v:.2f}" for v in point) + ")"
