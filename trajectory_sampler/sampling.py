@@ -3,7 +3,7 @@
 import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,14 +11,11 @@ from ..formats.core.episode import Episode
 from ..formats.core.errors import SceneError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from .candidates import AcceptedPaths, Candidate, from_one_start
-from .config import CROSS, CROSS_SHARE, MIXED, SampleConfig
-from .ground import Ground
-from .joined import Joined, open_joined
-from .level import Level, longest_way, open_level, regions_of
+from .candidates import Candidate
+from .config import CROSS, CROSS_SHARE, SampleConfig
+from .level import longest_way
 from .record import episode_of, similarity_groups
-from .similarity import PathIndex, stations
-from .view import SceneView
+from .search import LEAST_GAP_M, Search, attempts
 
 logger = logging.getLogger(__name__)
 
@@ -57,8 +54,6 @@ class SampleResult:
 
 # Paths shorter than this are no navigation.
 LEAST_WORTH_M = 1.0
-# Paths nearer to each other than this are the same, however small the room is.
-LEAST_GAP_M = 0.4
 
 
 def sample_episodes(
@@ -78,7 +73,7 @@ def sample_episodes(
     larger count are those of a smaller one.
 
     Paths over storeys take one staircase. Where the scene does not hold as many of them as `mixed`
-    asks for, paths on its levels take their place.
+    asks for, paths on its levels take their place, with a warning; the reverse never happens.
 
     Args:
         quotas: paths by split; by default `config.count` of `config.split`.
@@ -93,14 +88,14 @@ def sample_episodes(
     # Headings have a stream of their own, so that the first paths of a larger count are those of a
     # smaller one. Between quotas paths compete, and fixed sets are known by digest.
     headings = rng if quotas else rng.spawn(1)[0]
-    search = _Search(bundle, config, rng)
+    search = Search(bundle, config, rng)
     for episode in avoid:
         search.avoid(episode)
     accepted: list[Candidate] | None = None
     gap_m = config.min_gap_m
     enough_at_m = None
     clear_for_m = config.robot_radius_m
-    for radius_m, gap_m, view_m in _attempts(config):
+    for radius_m, gap_m, view_m in attempts(config):
         if gap_m < config.min_gap_m and accepted is None and not config.relax:
             accepted = list(search.accepted)  # what counts; from here on it is only advice
         search.fill(requested, radius_m, gap_m, view_m)
@@ -113,7 +108,7 @@ def sample_episodes(
     missing = {s: n - sum(c.split == s for c in accepted) for s, n in requested.items()}
     missing = {split: n for split, n in missing.items() if n}
     if not accepted and config.storeys == CROSS:
-        raise SceneError(_no_stairs(search))
+        raise SceneError(f"{bundle.scene_id}: {_no_stairs(search)}")
     if not accepted:
         raise SceneError(_nothing(bundle, config, SampleResult([], total, dict(search.dropped))))
     result = SampleResult(
@@ -127,121 +122,6 @@ def sample_episodes(
     )
     _warn(search, accepted, result)
     return result
-
-
-@dataclass
-class _Search:
-    """The search in one scene: what is open, what is accepted, what was dropped."""
-
-    bundle: SceneBundle
-    config: SampleConfig
-    rng: np.random.Generator
-    accepted: list[Candidate] = field(default_factory=list)
-    dropped: Counter[str] = field(default_factory=Counter)
-
-    def __post_init__(self):
-        self.regions = regions_of(self.bundle)
-        self.view = SceneView(self.bundle)
-        reach_m = max(self.config.min_gap_m, self.config.family_gap_m)
-        measure = self.config.similarity
-        grounds = len(self.regions) + len(self.bundle.staircases)
-        self.by_ground = [AcceptedPaths(PathIndex(reach_m, measure)) for _ in range(grounds)]
-        self.opened: dict[float, list[Level]] = {}
-        self.joined: dict[float, list[Joined]] = {}
-        self.closed: dict[int, str] = {}  # why no path takes a staircase
-
-    def avoid(self, episode: Episode) -> None:
-        """Keep away from an episode."""
-        path, staircases = episode.reference_path_world_m, episode.staircases
-        ground = len(self.regions) + staircases[0] if staircases else episode.level
-        self.by_ground[ground].avoid(stations(path, 3 if staircases else 2))
-
-    def complete(self, requested: Mapping[str, int]) -> bool:
-        """Return whether every split has what it wants."""
-        return len(self.accepted) == sum(requested.values())
-
-    def levels(self, radius_m: float) -> list[Level]:
-        """Return the levels on which an episode may start, for paths with so much clearance."""
-        if radius_m not in self.opened:
-            opened = [
-                open_level(self.bundle, k, radius_m, self.config, regions, self.view)
-                for k, regions in enumerate(self.regions)
-            ]
-            self.opened[radius_m] = [level for level in opened if len(level.cells)]
-        return self.opened[radius_m]
-
-    def staircases(self, radius_m: float) -> list[Joined]:
-        """Return the staircases that paths with so much clearance can take."""
-        if radius_m not in self.joined:
-            self.joined[radius_m] = []
-            for k, staircase in enumerate(self.bundle.staircases):
-                self.closed[k] = staircase.problem
-                if staircase.problem:
-                    continue
-                settings = (radius_m, self.config, self.regions, self.view)
-                try:
-                    self.joined[radius_m].append(open_joined(self.bundle, k, *settings))
-                except SceneError as error:
-                    self.closed[k] = str(error)
-        return self.joined[radius_m]
-
-    def fill(
-        self, requested: Mapping[str, int], radius_m: float, gap_m: float, view_m: float
-    ) -> None:
-        """Add paths split by split until there are enough, or patience runs out."""
-        share = CROSS_SHARE[self.config.storeys]
-        grounds = {
-            False: self.levels(radius_m) if share < 1.0 else [],
-            True: self.staircases(radius_m) if share > 0.0 else [],
-        }
-        config = replace(self.config, min_view_m=view_m)
-        for split, count in requested.items():
-            have = sum(c.split == split for c in self.accepted)
-            starts, failed = Counter[bool](), Counter[bool]()
-
-            def open_to(cross: bool, failed: Counter[bool] = failed) -> bool:
-                patience = self.config.patience * len(grounds[cross])
-                return failed[cross] < patience
-
-            while have < count:
-                cross = round(share * (have + 1)) > round(share * have)
-                if not open_to(cross):
-                    # Before the other kind takes its place, tighter paths are tried.
-                    cross = not cross
-                    if radius_m > self.config.robot_radius_m or not open_to(cross):
-                        break
-                ground = grounds[cross][starts[cross] % len(grounds[cross])]
-                starts[cross] += 1
-                added = self._one(ground, split, gap_m, config)
-                have += added
-                failed[cross] = 0 if added else failed[cross] + 1
-
-    def _one(self, ground: Ground, split: str, gap_m: float, config: SampleConfig) -> bool:
-        here = self.by_ground[ground.index]
-        for outcome in from_one_start(ground, here, split, gap_m, config, self.rng):
-            if isinstance(outcome, str):
-                self.dropped[outcome] += 1
-                continue
-            here.add(outcome)
-            self.accepted.append(outcome)
-            return True
-        return False
-
-
-def _attempts(config: SampleConfig) -> list[tuple[float, float, float]]:
-    """Return clearances, gaps between paths and depths at their ends [m] to try in turn."""
-    roomy = max(config.roomy_radius_m, config.robot_radius_m)
-    radii = sorted({roomy, config.robot_radius_m}, reverse=True)
-    gaps = [config.min_gap_m]
-    # In a small room all paths lie near each other.
-    while gaps[-1] > LEAST_GAP_M:
-        gaps.append(max(round(0.75 * gaps[-1], 2), LEAST_GAP_M))
-    attempts = [(radius, config.min_gap_m, config.min_view_m) for radius in radii]
-    attempts += [(config.robot_radius_m, gap, config.min_view_m) for gap in gaps[1:]]
-    # In a tiny one all ends lie near a wall.
-    if config.min_view_m and config.relax:
-        attempts += [(config.robot_radius_m, gap, 0.0) for gap in gaps]
-    return attempts
 
 
 def _episodes(
@@ -274,21 +154,20 @@ def _nothing(bundle: SceneBundle, config: SampleConfig, result: SampleResult) ->
     )
 
 
-def _no_stairs(search: _Search) -> str:
-    """Say why there is no path over storeys."""
+def _no_stairs(search: Search) -> str:
+    """Say why there are no more paths over storeys."""
     bundle, config = search.bundle, search.config
     if not search.closed:
         count = len(bundle.level_floor_z_m)
         return (
-            f"{bundle.scene_id}: --storeys {config.storeys} needs a staircase; the scene has "
-            f"{count} level{'s' * (count > 1)} and none (scenes that an older version repaired do "
-            "not record any; repair them again)"
+            f"--storeys {config.storeys} needs a staircase; the scene has {count} "
+            f"level{'s' * (count > 1)} and none (scenes that an older version repaired do not "
+            "record any; repair them again)"
         )
     counts = Counter(search.dropped)
     reasons = ", ".join(f"{reason} {n}" for reason, n in sorted(counts.items())) or "none"
     return (
-        f"{bundle.scene_id}: no path of {config.min_length_m:g} … {config.max_length_m:g} m and a "
-        "staircase: "
+        f"too few paths of {config.min_length_m:g} … {config.max_length_m:g} m and a staircase: "
         + "; ".join(
             f"staircase {k} (levels {' to '.join(map(str, bundle.staircases[k].levels))}) "
             + (problem or f"can be climbed, dropped candidates: {reasons}")
@@ -314,7 +193,7 @@ def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
     return f"{help_text} --min-length-m {0.8 * way_m:.1f} --min-crossings 0"
 
 
-def _warn(search: _Search, accepted: Sequence[Candidate], result: SampleResult) -> None:
+def _warn(search: Search, accepted: Sequence[Candidate], result: SampleResult) -> None:
     bundle, config = search.bundle, search.config
     flat = [c for c in accepted if not c.staircases]
     single = sorted({c.ground for c in flat if len(c.crossed) < config.min_crossings})
@@ -324,8 +203,18 @@ def _warn(search: _Search, accepted: Sequence[Candidate], result: SampleResult) 
             bundle.scene_id,
             ", ".join(map(str, single)),
         )
-    if config.storeys == MIXED and not any(c.staircases for c in accepted):
-        logger.warning("%s: no path takes a staircase. %s", bundle.scene_id, _no_stairs(search))
+    splits = Counter(c.split for c in accepted).values()
+    due = sum(round(CROSS_SHARE[config.storeys] * count) for count in splits)
+    if (over_stairs := len(accepted) - len(flat)) != due:
+        logger.warning(
+            "%s: %d of %d paths take a staircase; --storeys %s asks for %d. %s",
+            bundle.scene_id,
+            over_stairs,
+            len(accepted),
+            config.storeys,
+            due,
+            _no_stairs(search),
+        )
     if near := sum(not c.open_ends for c in accepted) if config.min_view_m else 0:
         logger.warning(
             "%s: holds too few paths whose first and last pictures show %g m of depth; accepted "

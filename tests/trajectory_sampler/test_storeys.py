@@ -127,8 +127,29 @@ def test_a_scene_on_one_level_is_refused_or_mixed_with_a_warning(
 ) -> None:
     with pytest.raises(SceneError, match=r"has 1 level and none"):
         sample(two_rooms)
-    assert len(sample(two_rooms, storeys="mixed", min_length_m=5.0, count=2).episodes) == 2
-    assert "no path takes a staircase" in caplog.text
+    assert len(sample(two_rooms, storeys="mixed", min_length_m=5.0, count=3).episodes) == 3
+    assert "0 of 3 paths take a staircase; --storeys mixed asks for 1" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"min_length_m": 9.3, "max_length_m": 11.0, "relax": False},  # levels are full first
+        {"max_length_m": 6.0},  # staircases are
+        {"max_length_m": 3.4},
+    ],
+)
+def test_a_mixture_never_exceeds_its_share_and_says_what_it_lacks(
+    building: SceneBundle, caplog: pytest.LogCaptureFixture, changes: dict[str, Any]
+) -> None:
+    changes = {"count": 30, "storeys": "mixed", "patience": 5, "min_crossings": 0, **changes}
+    episodes = sample(building, **changes).episodes
+    over_stairs, due = sum(bool(e.staircases) for e in episodes), round(0.19 * len(episodes))
+    assert over_stairs <= due
+    text = (
+        f"{over_stairs} of {len(episodes)} paths take a staircase; --storeys mixed asks for {due}"
+    )
+    assert (text in caplog.text) == (over_stairs < due)
 
 
 def test_other_choices_are_refused() -> None:
