@@ -11,6 +11,7 @@ from tests.support.scenes import buildings, scans
 from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.pipeline.stages.scenes.outputs import facts_of
 from vlnpe.scene_repair.grid.columns import sample_columns
 from vlnpe.scene_repair.storeys.flights import Flight
 from vlnpe.scene_repair.storeys.levels import ScannedFloor
@@ -104,8 +105,11 @@ def test_furniture_and_floors_without_stairs_make_none() -> None:
 
 def test_the_record_of_a_repair_has_the_flights(tmp_path: Path) -> None:
     bundle = repaired(buildings.two_storeys(), tmp_path)
-    (flight,) = json.loads((bundle.root / "repair.json").read_text())["flights"]
+    log = json.loads((bundle.root / "repair.json").read_text())
+    (flight,) = log["flights"]
     assert flight["levels"] == [0, 1]
     assert flight["risers_m"] == pytest.approx([0.25] * 10 + [0.3], abs=0.01)
     assert flight["direction_world_deg"] == pytest.approx(-90.0, abs=1.0)
     assert flight["problem"].startswith("is steep: risers up to 30 cm")
+    (text,) = facts_of(log)["stairs"]
+    assert text.startswith("level 0 to 1: 1 flight, 11 risers up to 30.")

@@ -63,23 +63,23 @@ def test_bundles_from_before_there_were_staircases_have_none(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("key", "value"),
+    ("key", "value", "reason"),
     [
-        ("levels", [0, 2]),
-        ("levels", [1, 0]),
-        ("levels", [0]),
-        ("line_world_m", [[0.0, 0.0, 0.0]]),
-        ("line_world_m", [[0.0, 0.0], [1.0, 1.0]]),
-        ("width_m", "wide"),
-        ("riser_m", None),
+        ("levels", [0, 2], "between levels 0 and 2; valid: 0 … 1, lower first"),
+        ("levels", [1, 0], "between levels 1 and 0; valid: 0 … 1, lower first"),
+        ("levels", [0], ""),
+        ("line_world_m", [[0.0, 0.0, 0.0]], ""),
+        ("line_world_m", [[0.0, 0.0], [1.0, 1.0]], ""),
+        ("width_m", "wide", ""),
+        ("riser_m", None, ""),
     ],
 )
-def test_a_damaged_index_is_refused(tmp_path: Path, key: str, value: Any) -> None:
+def test_a_damaged_index_is_refused(tmp_path: Path, key: str, value: Any, reason: str) -> None:
     with_stairs(tmp_path)
     index = json.loads((tmp_path / "scene.json").read_text())
     index["staircases"][1][key] = value
     (tmp_path / "scene.json").write_text(json.dumps(index))
-    with pytest.raises(FileFormatError, match=r"scene\.json"):
+    with pytest.raises(FileFormatError, match=rf"scene\.json.*{reason}"):
         load_bundle(tmp_path)
 
 
