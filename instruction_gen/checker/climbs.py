@@ -19,6 +19,7 @@ def climbed(ground: Ground, claim: Claim) -> Fit:
     climbs = [c for c in ground.facts.climbs if claim.way in ("", c.way)]
     if not climbs:
         return never(ground.places, f"the path takes no stairs{way}")
+    unit = "storeys" if claim.what == "storey" else "flights"
     far, told, sides = [], [], []
     for climb in climbs:
         low, high = climb.along_m, climb.to_m
@@ -26,14 +27,14 @@ def climbed(ground: Ground, claim: Claim) -> Fit:
             low, high = 0.85 * low + 0.15 * high, 0.15 * low + 0.85 * high
         off_m = np.maximum(low + _ON_M - ground.along_m, ground.along_m - high)
         far.append(ramp(off_m, 0.2, 0.5))
-        flights = 1 + len(climb.landings_m)
-        told.append(WRONG * (max(claim.count, claim.ordinal) > flights))
+        number = len(climbs) if claim.what == "storey" else 1 + len(climb.landings_m)
+        told.append(WRONG * (max(claim.count, claim.ordinal) > number))
         sided = claim.side in ("left", "right", "ahead")
         sides.append(ground.door_side(climb, claim.side) if sided else 0.0)
     return best(
         (len(far), ground.places),
         [(np.array(far), f"the stairs{way} come elsewhere on the path"),
-         (np.array(told)[:, None], f"there are not {max(claim.count, claim.ordinal)} flights")],
+         (np.array(told)[:, None], f"there are not {max(claim.count, claim.ordinal)} {unit}")],
         [(np.array(sides)[:, None], f"the stairs are not on the {claim.side}")],
     )  # fmt: skip
 
@@ -97,7 +98,8 @@ def storeys_called(ground: Ground, name: str) -> list[int]:
 
 def reaches_storey(ground: Ground, claim: Claim, climb: ClimbFact) -> bool:
     """Return whether a claim names the storey, or a place on it, that stairs lead to."""
-    if claim.what == "storey" or claim.place in ("top", "bottom", "halfway"):
+    landing = claim.name == "landing" and climb.landings_m
+    if landing or claim.what == "storey" or claim.place in ("top", "bottom", "halfway"):
         return True
     if claim.what != "room" or claim.kind not in ("enter", "in", "stop"):
         return False
@@ -105,4 +107,4 @@ def reaches_storey(ground: Ground, claim: Claim, climb: ClimbFact) -> bool:
     before = {v.room for v in visits if v.from_m < climb.along_m}
     after = {v.room for v in visits if v.from_m >= climb.to_m - 0.1}
     names = ground.rooms(claim.name)
-    return bool(names & after - before) or (claim.name == "landing" and bool(climb.landings_m))
+    return bool(names & after - before)

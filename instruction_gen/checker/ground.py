@@ -77,10 +77,17 @@ class Ground(Things):
         facts, last, first = self.facts, self.facts.visits[-1].room, self.facts.visits[0].room
         came = {p.from_room for p in facts.passages[-1:]}
         ends = [(self.length_m - 0.4, last, room) for room in facts.goal_rooms if room not in came]
-        ends += [(a, last, "landing") for c in facts.climbs for a, _ in c.landings_m]
+        for low, high, name in self._on_stairs():
+            ends += [(low, last, name), (high, name, last)]
         for room in facts.start_rooms:  # who starts there leaves one and comes into the other
             ends += [(0.5, room, first), (0.5, first, room)]
         return [PassageFact(at, a, b, True, 0.0) for at, a, b in ends]
+
+    def _on_stairs(self) -> list[tuple[float, float, str]]:
+        """Return from where to where the stairs of the path and their landings go [m], as rooms."""
+        climbs = self.facts.climbs
+        landings = [(low, high, "landing") for c in climbs for low, high in c.landings_m]
+        return landings + [(c.along_m, c.to_m, "stairwell") for c in climbs]
 
     def door_side(self, passage: PassageFact | ClimbFact, side: str) -> float:
         """Return what it costs to say that a doorway or stairs that one walks to are on a side."""
@@ -145,7 +152,7 @@ class Ground(Things):
         """Return what it costs to say that the walker is in a room."""
         names, facts = self.rooms(claim.name), self.facts
         spans = [(v.from_m, v.to_m) for v in facts.visits if v.room in names or not claim.name]
-        spans += [m for c in facts.climbs for m in c.landings_m] if "landing" in names else []
+        spans += [(low, high) for low, high, name in self._on_stairs() if name in names]
         spans += [(0.0, 0.3)] if names & {*facts.start_rooms} else []
         spans += [(self.length_m - 0.5, self.length_m)] if names & {*facts.goal_rooms} else []
         if not spans:
@@ -157,7 +164,8 @@ class Ground(Things):
     def room_in_view(self, claim: Claim) -> Fit:
         """Return what it costs to say that a room may be seen, on the side said."""
         names, facts = self.rooms(claim.name), self.facts
-        if not names & {*facts.level_rooms, *(v.room for v in facts.visits)}:
+        stairs = (name for _, _, name in self._on_stairs())
+        if not names & {*facts.level_rooms, *(v.room for v in facts.visits), *stairs}:
             return never(self.places, f"there is no {claim.name}")
         if claim.side in ("left", "right"):
             return self._room_side(claim, names)
@@ -210,6 +218,12 @@ class Ground(Things):
         return best(
             (1, self.places), [(far, fault + f" {spoken_side(claim.side)}" * bool(claim.side))]
         )
+
+    def doors_m(self, claim: Claim) -> Costs:
+        """Return (D, S) where doors of a room, on the side said, are passed, nan if not near [m]."""
+        marks = (self.facts.landmarks[n] for n in self._openings(self.rooms(claim.name)))
+        at = np.array([m.along_m for m in marks if claim.side in ("", m.side)])[:, None]
+        return np.where(np.abs(at - self.along_m) <= _DOOR_NEAR_M, at, np.nan)
 
     def _openings(self, names: frozenset[str]) -> list[int]:
         """Return the doorways and openings that lead to a room."""

@@ -19,6 +19,7 @@ from . import climbs
 from .fit import NEVER, WRONG, Costs, Fit, Part, best, ramp
 from .ground import Ground
 from .said import Said
+from .things import spoken_side
 from .turns import events_of, left_out, made, no_turn, unsaid
 
 LIMIT = 0.66  # the root of the sum of the squares of all costs
@@ -185,6 +186,15 @@ class Alignment:
         meant = kind == "door" or (claim.what == "thing" and kind in ("pass", "see", "reach"))
         if meant and not own:
             add(self._beyond_first(fit), f"the first {claim.text} on the way is another one")
+        taken = self.ground.facts.climbs
+        if is_stairs(claim) and claim.side and taken and said.following.kind == "climb":
+            side = min(self.ground.door_side(climb, claim.side) for climb in taken)
+            add(side, f"{name} are not {spoken_side(claim.side)}")
+        if (kind, claim.what) == ("pass", "room") == (said.last.kind, said.last.what):
+            first_m = np.fmin.reduce(self.ground.doors_m(said.last), axis=0, initial=np.nan)
+            then_m = np.fmax.reduce(self.ground.doors_m(claim), axis=0, initial=np.nan)
+            other = then_m < first_m[:, None] - 0.5
+            add(WRONG * other, f"{name} comes before the {said.last.name}")
         if kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
             d = claim.metres
             low = np.minimum(0.2, end - 0.3 - here) if claim.vague else 0.85 * d - 0.2

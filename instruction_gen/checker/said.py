@@ -63,8 +63,8 @@ class Said:
 
     @property
     def on_landing(self) -> bool:
-        """Whether the claim before, of the same step, is of a landing or halfway up stairs."""
-        return not self.apart and (self.last.name == "landing" or self.last.place == "halfway")
+        """Whether the claim before is of being halfway up stairs, or, in the same step, of a landing."""
+        return self.last.place == "halfway" or (not self.apart and self.last.name == "landing")
 
     @property
     def paced_m(self) -> float:

@@ -146,6 +146,8 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
     landings = [m for climb in ground.facts.climbs for m in climb.landings_m]
     # Behind a door: what bends well before it is another turn.
     slack = 0.4 if said.last.kind in ("leave", "enter", "door") and said.apart else 1.0
+    if said.on_landing:  # the storey that the stairs lead to may be said before
+        slack = max((c.to_m - c.along_m for c in ground.facts.climbs), default=slack)
     for j, first in enumerate(turns):
         here = any(low - _AT_LANDING_M <= first.along_m <= high for low, high in landings)
         if isinstance(first, ClimbFact) or (said.on_landing and landings and not here):

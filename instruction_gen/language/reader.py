@@ -11,7 +11,7 @@ from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
 from .referring import counted_again, is_inside, marked, stop_at_it
 from .sides import listed_side, place
-from .stairs import is_stairs, look_for_stairs, on_stairs, unnamed_stairs
+from .stairs import count_storeys, is_stairs, look_for_stairs, on_stairs, unnamed_stairs
 from .targets import claim_of, forbidden, preposition, stop_at
 from .tokens import tokenize
 from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
@@ -23,6 +23,8 @@ _WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a tur
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
 _ROUND = frozenset("around round about".split())
+_CLOCK = {"clockwise": "right", "anticlockwise": "left"}
+_AROUND = Claim("turn", side="around")
 _KEEPS = ("keep", "keeping", "stay", "staying")
 
 
@@ -75,6 +77,8 @@ class _Reader:
         verbs = [v for k in range(len(tokens)) if (v := verb_at(tokens, k))]
         strong = [v for v in verbs if v not in ("go", "see")]
         clause.verb = (strong or verbs or [""])[0]
+        if clause.verb == "turn":
+            tokens[:] = [replace(t, text=_CLOCK.get(t.text, t.text)) for t in tokens]
         clause.negated = clause.says(*NEGATIONS)
         if not verbs and clause.joint in ("and", ",", "or", "then"):
             self._inherit(clause)
@@ -102,12 +106,15 @@ class _Reader:
 
     def _remember(self, clause: Clause | None) -> None:
         """Keep what `it` and `go in` mean after a clause."""
-        for claim in clause.claims if clause else ():
+        claims = clause.claims if clause else []
+        for claim in claims:
             self.stairs |= claim.kind == "climb" or claim.what == "storey" or is_stairs(claim)
             if claim.what == "thing":
                 self.thing = claim
             if claim.what in ("door", "room") and claim.kind in ("see", "reach", "pass", "in"):
-                self.door = claim
+                # In "a bedroom door across the hall" the door is meant.
+                across = claim.kind == "see" and claims[0].room not in ("", claim.name)
+                self.door = claims[0] if across else claim
 
     def _is_no_turn(self) -> bool:
         """Return whether the next word in doubt is no turn in this reading."""
@@ -159,7 +166,7 @@ class _Reader:
                 k = read[2]
             elif word in _MARKS or word == "TURN_AROUND":
                 if word == "TURN_AROUND":
-                    claims.append(Claim("turn", side="around"))
+                    claims.append(_AROUND)
                 elif not clause.until and not (word == "GO_IN" and is_inside(self._said())):
                     claims.append(marked(word, self.door))  # "as you go in" says only when
                 clause.used.add(k)
@@ -173,8 +180,10 @@ class _Reader:
                     target, side_next = replace(target, side=side_next), ""
                 at = stop and (clause.verb == "stop" or prep not in _WAYS)
                 claim = (stop_at if at else claim_of)(target, prep, clause)
+                # "Along the upstairs hallway".
+                joined = target.what == "storey" and bool(read_phrase(tokens, end))
                 if claim is not None and (target.what == "storey" or is_stairs(target)):
-                    claims += on_stairs(target, k, prep, clause, claim)
+                    claims += on_stairs(target, k, prep, clause, claim, joined)
                 elif claim is not None:
                     last = claims[-1] if claims else claim
                     if last.what == "door" and claim.what == "room" and clause.says("is"):
@@ -194,8 +203,6 @@ class _Reader:
                         # "The door on the left into the kitchen" is that of the kitchen.
                         claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
                     claims.append(claim)
-                # "Along the upstairs hallway".
-                joined = target.what == "storey" and end < len(tokens) and read_phrase(tokens, end)
                 k, prep = end, prep if joined else ""
             elif (owner := counted_again(clause, k, self.before)) is not None:
                 claims += owner
@@ -218,6 +225,11 @@ class _Reader:
                 find_fault(clause, k)
                 k += 1
         claims[:0] = unnamed_stairs(clause, self.stairs)
+        count_storeys(clause)
+        turns = [c for c in claims if c.kind == "turn"]
+        if len({c.side for c in turns}) == 2 and _AROUND in turns:  # "a U-turn to the left"
+            claims[:] = [replace(c, degree="sharp") if c in turns else c
+                         for c in claims if c != _AROUND]  # fmt: skip
         if side_next:  # of nothing
             clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:
@@ -280,7 +292,7 @@ class _Reader:
                 clause.used.update(range(k, end))
             return ""
         seen = verb == "see" and PREP_OF.get(after) not in _WAYS
-        if seen or (placed and (verb in ("stop", "pass") or (not verb and after))):
+        if seen or (placed and (verb in ("stop", "pass") or (not verb and after and before not in _ROUND))):
             clause.used.update(range(k, end))
             return side
         if verb in ("see", "turn", "go", "", "enter", "leave", "reach") and not clause.negated:

@@ -58,6 +58,9 @@ def place(clause: Clause, named: list[int], side: str, before: Clause | None) ->
     sided(claims, named[-1], side)
     if claims[named[-1]].kind == "in" and not clause.prep:  # "meeting room left"
         claims[named[-1]] = replace(claims[named[-1]], kind="see")
+    left = side in ("left", "right") and clause.says("leave", "leaving") and not clause.prep
+    if claims[named[-1]].kind == "door" and left:
+        claims[named[-1]] = replace(claims[named[-1]], kind="pass")  # "leave its door on the left"
     listed = clause.joint == "and" and clause.tokens[0].text not in PREP_OF
     if listed and before is not None and len(named) == 1 and not clause.has_verb:
         last = before.last

@@ -7,7 +7,7 @@ from .claims import Claim
 from .clauses import Clause
 from .lexicon import OBJECT_PHRASES
 from .tables import closed
-from .words import DETERMINERS, PRONOUNS
+from .words import DETERMINERS, PRONOUNS, number_of
 
 _UP, _DOWN, _CLIMBS, _TAKES, _BEGINS = (
     closed(name) for name in ("up", "down", "climbs", "takes", "begins")
@@ -15,7 +15,8 @@ _UP, _DOWN, _CLIMBS, _TAKES, _BEGINS = (
 _PLACES = {word: place for place in ("top", "bottom", "halfway") for word in closed(place)}
 _ALONE = closed("stairs place")  # not `the head`
 _STOREY_WAYS = {"upstairs": "up", "downstairs": "down"}
-_LAST = PRONOUNS | frozenset(("again", "further", "on", "there", "first"))
+_LAST = PRONOUNS | frozenset(("again", "further", "on", "there", "first", "you", "we", "go"))
+_STOREYS = closed("storeys")
 
 
 def is_stairs(target: Claim) -> bool:
@@ -32,11 +33,14 @@ def look_for_stairs(clause: Clause) -> None:
             clause.place = _PLACES[word]
 
 
-def on_stairs(target: Claim, k: int, prep: str, clause: Clause, claim: Claim) -> list[Claim]:
+def on_stairs(
+    target: Claim, k: int, prep: str, clause: Clause, claim: Claim, joined: bool
+) -> list[Claim]:
     """Return what a clause claims of stairs or of a storey that is named at token `k`.
 
     Args:
         claim: what it would claim of any other target.
+        joined: the storey is that of a room or thing that follows: `down the upstairs hallway`.
     """
     climbs = any(c.kind == "climb" for c in clause.claims)
     goes = clause.verb in ("go", "turn", "leave", "")
@@ -45,9 +49,10 @@ def on_stairs(target: Claim, k: int, prep: str, clause: Clause, claim: Claim) ->
         k -= 1
     near = k > 0 and words[k - 1] in _UP | _DOWN
     if target.what == "storey":
-        adverb = target.name in _STOREY_WAYS and clause.verb == "go" and not prep
+        alone = bool(clause.joint) and not clause.verb and len(words) == 1  # "left, upstairs"
+        adverb = target.name in _STOREY_WAYS and (clause.verb == "go" or alone) and not prep
         way = clause.way * near or _STOREY_WAYS.get(target.name, "") * adverb
-        if climbs or not (way and goes) or clause.says(*_BEGINS):
+        if climbs or joined or not (way and goes) or clause.says(*_BEGINS):
             return [claim]
         # "Head upstairs, turning left on the landing": one is not yet there.
         return [Claim("climb", way=way), *[claim] * (target.name not in _STOREY_WAYS)]
@@ -60,6 +65,19 @@ def on_stairs(target: Claim, k: int, prep: str, clause: Clause, claim: Claim) ->
         return [replace(target, kind="climb", way=clause.way, place=place)]
     kind = "reach" if clause.place and claim.kind == "see" else claim.kind
     return [replace(claim, kind=kind, place=clause.place or claim.place)]
+
+
+def count_storeys(clause: Clause) -> None:
+    """Read over how many storeys a clause goes: `climb two floors`."""
+    words = [token.text for token in clause.tokens]
+    end = next((k for k, word in enumerate(words) if word in _STOREYS), 0)
+    k = next((k for k in range(max(0, end - 2), end) if (number_of(words[k]) or 0) >= 1), -1)
+    n = next((n for n, c in enumerate(clause.claims) if c.kind == "climb"), len(clause.claims))
+    if k >= 0 and clause.way and clause.verb != "see" and not clause.negated:
+        climb = replace((clause.claims[n:] or [Claim("climb", way=clause.way)])[0], name="")
+        count = int(number_of(words[k]) or 0)
+        clause.claims[n : n + 1] = [replace(climb, what="storey", count=count)]
+        clause.used.update((k, end))
 
 
 def unnamed_stairs(clause: Clause, spoken: bool) -> list[Claim]:

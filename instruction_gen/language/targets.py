@@ -94,9 +94,10 @@ def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:
     kinds = ("enter",) if clause.verb == "turn" else ("enter", "in", "leave", "stop", "door")
     climbs = [replace(c, kind="avoid") for c in claims if c.kind == "climb"]
     return climbs + [
-        Claim("avoid", "room", c.name)
+        Claim("avoid", "room", c.room or c.name)
         for c in claims
-        if c.what == "room" and c.kind in kinds and c.name
+        if c.kind in kinds
+        and (clause.says("GO_IN") and c.room if c.what == "door" else c.what == "room" and c.name)
     ]
 
 

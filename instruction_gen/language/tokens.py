@@ -8,13 +8,14 @@ from itertools import pairwise
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, STOREY_PHRASES, singular
 from .spelling import closed_gap, respelt
 from .tables import closed
-from .words import LONGEST_PHRASE, NUMBERS, VERB_OF, phrases
+from .words import LONGEST_PHRASE, NUMBERS, PREP_OF, VERB_OF, phrases
 
 _TOKEN = re.compile(r"[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
 _ENDINGS = {
     "'ll": "will", "'re": "are", "'ve": "have", "'d": "would", "n't": "not", "'m": "am",
 }  # fmt: skip
 _LONGEST_NOUN = 4
+_STOREY_OF = {"upper": "upstairs", "lower": "downstairs"}
 # Marks that nothing follows: not "go in the kitchen", not "turn around the table".
 _LONE = frozenset("GO_IN GO_OUT GO_THROUGH TURN_AROUND".split())
 # What may follow `go in` where it is not "go in the kitchen".
@@ -100,6 +101,8 @@ def _nouns(raw: list[Token]) -> list[Token]:
         exact = " ".join(words)
         if exact in STOREY_PHRASES and _is_noun(f"{words[-1]} {after}"):
             return None  # "the second floor lamp"
+        if exact in _STOREY_OF and after != "landing" and after in ROOM_PHRASES:
+            return (_STOREY_OF[exact],)  # "the upper hallway"
         phrase = " ".join([*words[:-1], singular(words[-1])])
         if len(words) == 2 and not (_is_noun(phrase) or _is_noun(exact)):
             whole = closed_gap(*words)
@@ -116,6 +119,8 @@ def _meant(raw: list[Token]) -> list[Token]:
     def meaning(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         result = table.get(tuple(words))
         alone = not after[0].isalnum() or after in _ALONE
+        if result == ("TURN_AROUND",):  # "a U-turn at the sofa", "turn around to the left"
+            alone = alone or after in PREP_OF or words[-1] not in ("around", "round")
         turned = words[0] == "right" and VERB_OF.get(before) == "turn"  # "turn right there"
         return None if turned or (result and result[0] in _LONE and not alone) else result
 
