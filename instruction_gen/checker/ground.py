@@ -78,7 +78,7 @@ class Ground(Things):
         came = {p.from_room for p in facts.passages[-1:]}
         ends = [(self.length_m - 0.4, last, room) for room in facts.goal_rooms if room not in came]
         for low, high, name in self._on_stairs():
-            ends += [(low, last, name), (high, name, last)]
+            ends += [(low, facts.room_at(low), name), (high, name, facts.room_at(high + 0.1))]
         for room in facts.start_rooms:  # who starts there leaves one and comes into the other
             ends += [(0.5, room, first), (0.5, first, room)]
         return [PassageFact(at, a, b, True, 0.0) for at, a, b in ends]
@@ -220,7 +220,7 @@ class Ground(Things):
         )
 
     def doors_m(self, claim: Claim) -> Costs:
-        """Return (D, S) where doors of a room, on the side said, are passed, nan if not near [m]."""
+        """Return (D, S) where doors of a room, on the side said, are passed, nan if far [m]."""
         marks = (self.facts.landmarks[n] for n in self._openings(self.rooms(claim.name)))
         at = np.array([m.along_m for m in marks if claim.side in ("", m.side)])[:, None]
         return np.where(np.abs(at - self.along_m) <= _DOOR_NEAR_M, at, np.nan)

@@ -63,7 +63,7 @@ class Said:
 
     @property
     def on_landing(self) -> bool:
-        """Whether the claim before is of being halfway up stairs, or, in the same step, of a landing."""
+        """Whether the claim before is halfway up stairs or, in the same step, of a landing."""
         return self.last.place == "halfway" or (not self.apart and self.last.name == "landing")
 
     @property

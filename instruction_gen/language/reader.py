@@ -261,7 +261,7 @@ class _Reader:
         before = tokens[k - 1].text if k else ""
         after = tokens[end].text if end < len(tokens) else ""
         alone = not placed and verb in ("", "see", "pass", "stop") and not after
-        turned = any(c.kind == "turn" for c in claims)
+        turned = any(c.kind == "turn" and c != _AROUND for c in claims)
         if not (placed or clause.joint or clause.until) and end - k == len(tokens) \
                 and self._is_no_turn():  # fmt: skip
             return ""  # "Right, off we go"
@@ -292,7 +292,9 @@ class _Reader:
                 clause.used.update(range(k, end))
             return ""
         seen = verb == "see" and PREP_OF.get(after) not in _WAYS
-        if seen or (placed and (verb in ("stop", "pass") or (not verb and after and before not in _ROUND))):
+        if seen or (
+            placed and (verb in ("stop", "pass") or (not verb and after and before not in _ROUND))
+        ):
             clause.used.update(range(k, end))
             return side
         if verb in ("see", "turn", "go", "", "enter", "leave", "reach") and not clause.negated:

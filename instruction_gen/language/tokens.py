@@ -119,7 +119,9 @@ def _meant(raw: list[Token]) -> list[Token]:
     def meaning(words: Sequence[str], before: str, after: str) -> tuple[str, ...] | None:
         result = table.get(tuple(words))
         alone = not after[0].isalnum() or after in _ALONE
-        if result == ("TURN_AROUND",):  # "a U-turn at the sofa", "turn around to the left"
+        if (
+            result and result[0] == "TURN_AROUND"
+        ):  # "a U-turn at the sofa", "turn around to the left"
             alone = alone or after in PREP_OF or words[-1] not in ("around", "round")
         turned = words[0] == "right" and VERB_OF.get(before) == "turn"  # "turn right there"
         return None if turned or (result and result[0] in _LONE and not alone) else result

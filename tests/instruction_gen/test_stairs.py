@@ -29,15 +29,26 @@ BELOW = [(1.5, 2.0, 0.0), (7.0, 2.0, 0.0), (9.0, 1.0, 0.0)]
 ABOVE = [(14.0, 3.2, TOP_M), (17.0, 2.0, TOP_M), (21.0, 2.0, TOP_M)]
 ROOMS = {"Room_hall": "living room", "Room_landing": "hallway"}
 
+# A staircase that comes back over its landing, and the way from its top to the bedroom.
+U_LINE = [
+    (10.0, 1.0, 0.0), (10.4, 1.0, 0.0), (12.6, 1.0, MIDDLE_M), (13.6, 1.0, MIDDLE_M),
+    (13.6, 2.4, MIDDLE_M), (12.6, 2.4, MIDDLE_M), (10.4, 2.4, TOP_M), (10.0, 2.4, TOP_M),
+]  # fmt: skip
+U_ABOVE = [(9.9, 2.4, TOP_M), (9.9, 3.4, TOP_M), (14.0, 3.4, TOP_M), *ABOVE[1:]]
+
 
 @pytest.fixture(scope="module")
 def levels(tmp_path_factory):
-    bundle = write_two_storeys(tmp_path_factory.mktemp("building"))
+    return levels_of(tmp_path_factory.mktemp("building"), LINE)
+
+
+def levels_of(folder, line):
+    bundle = write_two_storeys(folder)
     rooms = tuple(
         replace(o, category=f"room:{ROOMS[o.name]}") if o.name in ROOMS else o
         for o in bundle.objects
     )
-    stairs = Staircase((0, 1), np.array(LINE), 1.0, 0.175, 0.26)
+    stairs = Staircase((0, 1), np.array(line), 1.0, 0.175, 0.26)
     bundle = replace(bundle, staircases=(stairs,), objects=rooms)
     return [LevelFacts.of(bundle, level) for level in (0, 1)]
 
@@ -62,6 +73,12 @@ def up(levels):
 @pytest.fixture(scope="module")
 def down(levels):
     return ground_of(levels, [*BELOW, *LINE[1:-1], *ABOVE], up=False)
+
+
+@pytest.fixture(scope="module")
+def back(tmp_path_factory):
+    levels = levels_of(tmp_path_factory.mktemp("building"), U_LINE)
+    return ground_of(levels, [*BELOW, *U_LINE[1:-1], *U_ABOVE])
 
 
 def test_a_path_over_a_staircase_that_is_not_there_is_refused(levels):
@@ -92,6 +109,13 @@ def test_facts_of_a_path_over_stairs(up, down):
         "Take the stairs up to the first floor, go right and walk down the hallway to the bedroom.",
         "Ascend the stairs, turning left halfway. Upstairs, turn right and enter the bedroom.",
         "Stop in the bedroom upstairs.",
+        "Leave the ground-floor kitchen, walk through the lower living room into the stairwell and "
+        "ascend. At the top turn right, stroll down the upper hallway and stop in the bedroom.",
+        "Out of the kitchen, upstairs, right at the top. Down the upstairs hall, stop in the "
+        "upper-floor bedroom.",
+        "Hi! Walk to the base of the stairs. Up you go. At the top go right. Stop in the bedroom.",
+        "Climb one storey, turn right and stop in the bedroom.",
+        "Climb two flights of stairs, turn right and stop in the bedroom.",
     ],
 )
 def test_true_texts_pass(up, text):
@@ -114,12 +138,43 @@ def test_true_texts_pass(up, text):
         ("Go halfway up the stairs and stop there.", ""),
         ("Do not go up the stairs. Stop in the bedroom.", "does"),
         ("Stop in the bedroom downstairs.", "downstairs"),
+        ("Climb two storeys, turn right and stop in the bedroom.", "2 storeys"),
+        ("Go up the stairs three full floors. Stop in the bedroom.", "3 storeys"),
+        ("Leave the lower kitchen and go up. Stop in the lower bedroom.", "downstairs"),
+        ("At the base of the stairs turn around. Stop in the bedroom.", ""),
+        ("The stairs are on your right; go up. Stop in the bedroom.", "on the right"),
         ("Go up four flights of stairs, turn right and stop in the bedroom.", "4 flights"),
     ],
 )  # fmt: skip
 def test_lies_are_refused(up, text, reason):
     verdict = check_text(text, up)
     assert any(reason in problem for problem in verdict.problems), verdict
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "At the half landing turn {left}.",
+        "On the middle platform swing {left}.",
+        "In the half turn to the {left}.",
+        "Halfway they turn {left}.",
+        "Go round to the {left} at the landing and on up.",
+        "They reverse to the {left} at the mid-landing.",
+        "Double back to the {left} at the quarter landing.",
+        "Rotate 180 degrees {clockwise} at the intermediate landing.",
+        "Make a {clockwise} U-turn on the intermediate platform.",
+        "Follow them, round to the {left} at the landing.",
+    ],
+)
+def test_a_landing_that_leads_back_is_one_turn(back, text):
+    way = (
+        "Leave the kitchen and take the stairs up to the upper floor. {} At the top turn right and "
+    )
+    way += "right again. Stop in the bedroom."
+    true = text.format(left="left", clockwise="counter-clockwise")
+    assert check_text(way.format(true), back).problems == ()
+    lie = text.format(left="right", clockwise="clockwise")
+    assert not check_text(way.format(lie), back).ok
 
 
 def test_the_way_down_is_told_apart_from_the_way_up(down):
@@ -187,6 +242,18 @@ def _swapped(words):
         ("Walk past the second floor lamp.", ["pass floor lamp"]),
         ("Do not go up the stairs.", ["avoid up stairs"]),
         ("Go up and left.", ["turn left"]),
+        ("Wander down the upstairs hall.", ["in upstairs", "in hall"]),
+        ("Leave the office door on your left.", ["pass left"]),
+        (
+            "You see the study door across the hall. Don't go in there.",
+            ["see", "see hall", "avoid study"],
+        ),
+        ("Circle the table clockwise.", ["see table"]),
+        ("Down you go.", []),
+        (
+            "Take the stairs. Down you go. At the foot, turn anti-clockwise.",
+            ["climb stairs", "climb down", "reach stairs bottom", "turn left"],
+        ),
     ],
 )
 def test_what_is_read_of_stairs(text, told):
