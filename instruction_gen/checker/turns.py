@@ -1,7 +1,7 @@
 """What it costs to call a bend a turn, and to leave a turn of the path unsaid."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -154,6 +154,8 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
             continue
         if said.last.place in ("top", "bottom") and ground.facts.on_stairs(first.along_m):
             continue
+        # How far a landing leads around nobody says.
+        told = replace(claim, degree="") if here and claim.degree == "slight" else claim
         total = 0.0
         for after in range(j + 1, len(turns) + 1):
             own = turns[after - 1]
@@ -167,7 +169,7 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
             if said.paced_m:
                 start = np.maximum(start, ramp(np.abs(along - own.along_m), 0.5, 1.0))
             at = along >= min(own.along_m + 0.25, along[-1] - 0.05)
-            yield Made(j, after, _called(claim, total, after - j), start,
+            yield Made(j, after, _called(told, total, after - j), start,
                        at & (along <= own.along_m + 0.8))  # fmt: skip
 
 

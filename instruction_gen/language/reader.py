@@ -113,8 +113,8 @@ class _Reader:
                 self.thing = claim
             if claim.what in ("door", "room") and claim.kind in ("see", "reach", "pass", "in"):
                 # In "a bedroom door across the hall" the door is meant.
-                across = claim.kind == "see" and claims[0].room not in ("", claim.name)
-                self.door = claims[0] if across else claim
+                door, seen = claims[0], claim.kind == "see" and claims[0].what == "door"
+                self.door = door if seen and door.room not in ("", claim.name) else claim
 
     def _is_no_turn(self) -> bool:
         """Return whether the next word in doubt is no turn in this reading."""

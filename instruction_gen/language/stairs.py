@@ -47,7 +47,9 @@ def on_stairs(
     words = [token.text for token in clause.tokens]
     while k and (words[k - 1] in DETERMINERS or words[k - 1] in ("to", "on", "onto", "into")):
         k -= 1
-    near = k > 0 and words[k - 1] in _UP | _DOWN
+    near = k > 0 and (
+        words[k - 1] in _UP | _DOWN or (bool(clause.way) and words[k - 1] in ("via", "using"))
+    )
     if target.what == "storey":
         alone = bool(clause.joint) and not clause.verb and len(words) == 1  # "left, upstairs"
         adverb = target.name in _STOREY_WAYS and (clause.verb == "go" or alone) and not prep

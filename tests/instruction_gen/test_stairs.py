@@ -114,7 +114,7 @@ def test_facts_of_a_path_over_stairs(up, down):
         "Out of the kitchen, upstairs, right at the top. Down the upstairs hall, stop in the "
         "upper-floor bedroom.",
         "Hi! Walk to the base of the stairs. Up you go. At the top go right. Stop in the bedroom.",
-        "Climb one storey, turn right and stop in the bedroom.",
+        "Go up one storey using the stairs, turn right and stop in the bedroom.",
         "Climb two flights of stairs, turn right and stop in the bedroom.",
     ],
 )
@@ -158,6 +158,7 @@ def test_lies_are_refused(up, text, reason):
         "On the middle platform swing {left}.",
         "In the half turn to the {left}.",
         "Halfway they turn {left}.",
+        "Bear {left} on the little landing.",
         "Go round to the {left} at the landing and on up.",
         "They reverse to the {left} at the mid-landing.",
         "Double back to the {left} at the quarter landing.",
