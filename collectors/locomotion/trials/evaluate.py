@@ -86,8 +86,6 @@ def evaluation_table(policy: GaitPolicy, seed: int = SEED, scale: float = 1.0) -
     for friction in (0.4, 0.8) if policy.estimates else ():
         conditions = Conditions(friction=friction)
         table[f"estimate_friction_{friction:g}"] = velocity_errors(policy, grid, conditions, rng)
-    if policy.card.footing:
-        table |= flights(policy, many, rng)
     return table
 
 
@@ -178,7 +176,7 @@ def report(evaluation: dict[str, Any]) -> str:
         f"  (discrete actions of 0.25 s each, 90 %: {timed['position_p90_m']:.3f} m, "
         f"{timed['heading_p90_deg']:.1f}°, {timed['falls']} of {timed['robots']} robots fell)"
     )
-    return "\n".join([*lines, *filter(None, [climbed(evaluation)])])
+    return "\n".join(lines)
 
 
 def climbed(evaluation: dict[str, Any]) -> str:
