@@ -96,8 +96,8 @@ def _stairs(stairs: Staircase, number: int, level: int) -> LabeledObject:
     low, high = line.min(axis=0), line.max(axis=0)
     low[:2] -= 0.5 * stairs.width_m
     high[:2] += 0.5 * stairs.width_m
-    box = [(float(x), float(y), float(z)) for x, y, z in (low, high)]
-    return LabeledObject(f"stairs-{number}", "stairs", *box, level)
+    lower, upper = ((float(x), float(y), float(z)) for x, y, z in (low, high))
+    return LabeledObject(f"stairs-{number}", "stairs", lower, upper, level)
 
 
 _STRUCTURE = frozenset(
