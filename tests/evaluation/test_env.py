@@ -249,7 +249,7 @@ def test_rewards_lead_from_one_storey_to_the_other(tmp_path) -> None:
     env = NavigationEnv(building.root, [up], controller="flash", images=False)
     _, info = env.reset(options={"episode": 0})
     assert info["distance_to_goal_m"] == pytest.approx(up.geodesic_distance_m, abs=0.1)
-    rewards = []
+    rewards, done = [], False
     for action in up.extra["actions"]:
         _, reward, done, _, info = env.step(action)
         rewards.append(reward)

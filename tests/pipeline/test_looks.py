@@ -28,18 +28,21 @@ def episode_over(path_m: np.ndarray, levels: list[int]) -> Episode:
 
 def test_looks_go_on_to_the_goal() -> None:
     for path in (PATH_M, PATH_M[::-1]):
-        along, points, _ = zip(*looks_along(path), strict=True)
+        looks = looks_along(path)
+        along, points = [look[0] for look in looks], np.array([look[1] for look in looks])
         assert np.allclose(points[0], path[0]) and np.allclose(points[-1], path[-1])
         assert distances_to_path(points, path).max() < 1e-9
         assert np.isclose(along[-1], path_length(path[:, :2]))
-        plan_m = np.linalg.norm(np.diff(np.array(points)[:, :2], axis=0), axis=1)
+        plan_m = np.linalg.norm(np.diff(points[:, :2], axis=0), axis=1)
         assert np.allclose(plan_m, np.diff(along), atol=0.02) and plan_m.max() < 1.1 * SPACING_M
 
 
 def test_views_are_of_the_storey_that_the_camera_is_on(tmp_path: Path) -> None:
     building, robot = write_two_storeys(tmp_path / "house"), get_robot("aliengo")
     visual = dict(np.load(building.root / "visual.npz"))
-    visual["vertices"] *= np.float32([2.5, 1.0, 2.5])  # its walls surround both storeys
+    visual["vertices"] *= np.array(
+        [2.5, 1.0, 2.5], dtype=np.float32
+    )  # its walls surround both storeys
     np.savez(building.root / "visual.npz", **visual)
     for path, levels in ((PATH_M, [0, 1]), (PATH_M[::-1], [1, 0])):
         views = views_along(building, [episode_over(path, levels)], robot)
