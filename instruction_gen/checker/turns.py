@@ -154,7 +154,7 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
             continue
         if said.last.place in ("top", "bottom") and ground.facts.on_stairs(first.along_m):
             continue
-        # How far a landing leads around nobody says.
+        # Texts do not give the angle by which a landing turns.
         told = replace(claim, degree="") if here and claim.degree == "slight" else claim
         total = 0.0
         for after in range(j + 1, len(turns) + 1):

@@ -274,13 +274,7 @@ class GaitEnv(VecEnv):
         self._foot_contact[ids] = True
         self._schedule.reset(ids, self._age)
 
-    def _note(
-        self,
-        facts: StepFacts,
-        terms: dict[str, Array],
-        fell: Mask,
-        reward: Array,
-    ) -> None:
+    def _note(self, facts: StepFacts, terms: dict[str, Array], fell: Mask, reward: Array) -> None:
         walking = facts.moving & (self._age > 50)
         note = {
             "reward": float(reward.mean()) / STEP_S,
