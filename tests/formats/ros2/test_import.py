@@ -102,7 +102,7 @@ def write_log(
     messages.append((0.0, "/camera/camera/color/camera_info", "sensor_msgs/CameraInfo", info))
     for time_s in np.arange(0, seconds, 1 / 15).tolist():
         if hole is None or not hole[0] < time_s < hole[1]:
-            grey = np.full((HEIGHT, WIDTH, 3), round(40 * time_s), np.uint8)
+            grey = np.full((HEIGHT, WIDTH, 3), round(40 * time_s) % 256, np.uint8)
             size = HEIGHT, WIDTH, "bgr8", 0, 3 * WIDTH
             image = make(
                 "sensor_msgs/Image", header(time_s, "optical", behind_s), *size, grey.ravel()
@@ -225,17 +225,26 @@ def test_gaps_end_episodes(tmp_path: Path) -> None:
     assert {len(rows["rgb"]) for rows in (first, second)} == {10, 8}
 
 
-def test_the_floor_of_a_log_follows_the_base(tmp_path: Path) -> None:
-    write_log(tmp_path / "log")
+def test_the_floor_of_a_log_is_level_where_a_gait_bobs_and_follows_stairs(tmp_path: Path) -> None:
+    write_log(tmp_path / "log", seconds=20.0)
     topics = read_topic_map(topic_map(tmp_path))
     tracks = read_tracks(tmp_path / "log", topics)
-    tracks.odometry.values[:, 2] += 0.4 * tracks.odometry.time_s
+    time_s = tracks.odometry.time_s
+    # It stands for 2 s, walks 2 cm lower, climbs 1.5 m from 8 to 14 s, and walks on.
+    climbed_m = np.interp(time_s, [8.0, 14.0], [0.0, 1.5])
+    bob_m = 0.025 * np.sin(2 * np.pi * 3.3 * time_s) - 0.02
+    tracks.odometry.values[:, 2] += climbed_m + np.where(time_s > 2.0, bob_m, 0.0)
     (span,) = spans(tracks, topics)
     walk = rollout_of_span(
         tracks, topics, span, robot="dog", joint_names=(), base_height_m=0.25, rate=4, name="a",
         split="train", instruction="",
     )  # fmt: skip
-    np.testing.assert_allclose(walk.floor_z_m, 0.05 + 0.4 * (walk.time_s + span.start_s), atol=1e-9)
+    at_s = walk.time_s + span.start_s
+    climbed_m = np.interp(at_s, [8.0, 14.0], [0.0, 1.5])
+    np.testing.assert_allclose(walk.floor_z_m[at_s < 7.5], 0.05, atol=1e-9)
+    np.testing.assert_allclose(walk.floor_z_m, 0.05 + climbed_m, atol=0.08)
+    assert np.ptp(walk.floor_z_m[(at_s > 15.0) & (at_s < 19.0)]) < 1e-3
+    np.testing.assert_array_equal(walk.episode.start_position_world_m[2], walk.floor_z_m[0])
 
 
 def test_depth_that_is_missing_is_invalid(tmp_path: Path) -> None:
