@@ -2,7 +2,7 @@
 
 from .building.build import build_scene
 from .building.true_scene import TrueScene
-from .config import BUILDINGS, ApartmentConfig, ScanConfig, building_config
+from .config import BUILDINGS, ApartmentConfig, ScanConfig, StairsConfig, building_config
 from .exact import generate_exact
 from .generate import generate_scan
 
@@ -10,6 +10,7 @@ __all__ = [
     "BUILDINGS",
     "ApartmentConfig",
     "ScanConfig",
+    "StairsConfig",
     "TrueScene",
     "build_scene",
     "building_config",

@@ -39,6 +39,20 @@ class ScanConfig:
 
 
 @dataclass(frozen=True)
+class StairsConfig:
+    """Options of a house's stairs.
+
+    Attributes:
+        shape: `straight`, `L` or `U`.
+        riser_m, tread_m: least and greatest height and depth of a step.
+    """
+
+    shape: str = "U"
+    riser_m: tuple[float, float] = (0.175, 0.175)
+    tread_m: tuple[float, float] = (0.26, 0.26)
+
+
+@dataclass(frozen=True)
 class ApartmentConfig:
     """Options of a building and its scan; the defaults are those of an apartment.
 
@@ -49,6 +63,7 @@ class ApartmentConfig:
         door_width_m: least and greatest clear width of a doorway; `door_height_m` its height.
         ceiling_m: least and greatest room height.
         wall_m: thickness of a wall.
+        stairs: of a house.
         robot_radius_m: every room is reachable for a disc of this radius.
         scan_tilt_deg: the scanner's vertical leans by this angle about world x.
         scan_offset_m: the scanner's origin lies here in world coordinates.
@@ -61,6 +76,7 @@ class ApartmentConfig:
     door_height_m: float = 2.05
     ceiling_m: tuple[float, float] = (2.5, 2.8)
     wall_m: float = 0.12
+    stairs: StairsConfig = StairsConfig()
     robot_radius_m: float = 0.35
     scan_tilt_deg: float = 0.0
     scan_offset_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -92,11 +108,20 @@ BUILDINGS: dict[str, ApartmentConfig] = {
 }
 
 
-def building_config(kind: str) -> ApartmentConfig:
-    """Return the configuration of a kind of building.
+# The shape of a house's stairs by the last digit of its seed; with other digits, houses are what
+# they were when all stairs were alike.
+STAIRS_BY_DIGIT = {5: "straight", 6: "L", 7: "U", 8: "straight", 9: "L"}
+_DRAWN_STEPS_M = {"riser_m": (0.15, 0.19), "tread_m": (0.25, 0.30)}
+
+
+def building_config(kind: str, seed: int = 0) -> ApartmentConfig:
+    """Return the configuration of a kind of building; the seed determines a house's stairs.
 
     Raises:
         UnknownNameError: there is no such kind.
     """
     check_name("kind of building", kind, BUILDINGS)
-    return BUILDINGS[kind]
+    config, shape = BUILDINGS[kind], STAIRS_BY_DIGIT.get(seed % 10)
+    if kind != "house" or shape is None:
+        return config
+    return replace(config, stairs=StairsConfig(shape, **_DRAWN_STEPS_M))

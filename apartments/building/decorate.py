@@ -21,11 +21,13 @@ def ceiling_lamps(space: RoomSpace, kit: Kit, rng: np.random.Generator) -> list[
     count = max(round(float(size[long]) / 3.8), 1)
     rows = max(round(float(size[1 - long]) / 4.5), 1) if space.room.kind == "office" else 1
     lit = _lit_bounds(space)
+    wide = [b for b in space.plan.blocks_of(space.index) if b.stairs and b.stairs.shape == "L"]
+    along = (lit if wide else space.bounds)[:, long]
     pieces = []
     for k in range(count * rows):
         share = (k // count + 0.5) / rows
         at = (1 - share) * lit[0] + share * lit[1]
-        at[long] = space.bounds[0, long] + size[long] * (k % count + 0.5) / count
+        at[long] = along[0] + (along[1] - along[0]) * (k % count + 0.5) / count
         lamp = decor.pendant(kit, rng, space.plan.ceiling_m)
         pieces.append(lamp.moved(0.0, float(at[0]), float(at[1])))
     return pieces
@@ -35,7 +37,8 @@ def _lit_bounds(space: RoomSpace) -> np.ndarray:
     """Return (2, 2) the part of a room that its lamps hang over: beside the stairs, not in them."""
     bounds = space.bounds.copy()
     for block in space.plan.blocks_of(space.index, "stairs", "void"):
-        bounds[0, 1 - block.front[0]] = block.upper_m[1 - block.front[0]]
+        across, wall = 1 - block.front[0], block.stairs.wall_sign if block.stairs else -1
+        bounds[int(wall > 0), across] = block.rect()[int(wall < 0), across]
     return bounds
 
 

@@ -100,14 +100,24 @@ VILLAS: dict[str, Callable[[np.random.Generator], list[Cell]]] = {
 }
 
 
-def house(rng: np.random.Generator) -> list[list[Cell]]:
-    """Return two storeys of one outline: a corridor, rooms before it, rooms and stairs behind."""
+STAIRWELL_DEPTH_M = (3.5, 4.0)
+_NARROWEST_M = 3.2
+
+
+def house(rng: np.random.Generator, stairs_m: tuple[float, float]) -> list[list[Cell]]:
+    """Return two storeys of one outline: a corridor, rooms before it, rooms and stairs behind.
+
+    `stairs_m` are the least extents of the stairwell, along the corridor and away from it [m].
+    """
     width = rng.uniform(11.4, 13.0)
     low = rng.uniform(3.9, 4.6)
     high = low + rng.uniform(1.7, 2.0)
-    depth = high + rng.uniform(3.5, 4.0)
-    right = width - rng.uniform(2.5, 2.9)
-    left = right - rng.uniform(3.5, 3.8)
+    depth = high + max(rng.uniform(*STAIRWELL_DEPTH_M), stairs_m[1])
+    bathroom = rng.uniform(2.5, 2.9)
+    stairwell = max(rng.uniform(3.5, 3.8), stairs_m[0])
+    width = max(width, _NARROWEST_M + stairwell + bathroom)
+    right = width - bathroom
+    left = right - stairwell
     # Downstairs the living room takes the corridor's end, as far as the stairs allow.
     end = min(rng.uniform(4.2, 5.4), left)
     back: list[Cell] = [

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import Array
+from .flights import Stairs
 
 # The four sides of a room: (axis the wall is perpendicular to, sign of its outward normal).
 SIDES = ((0, -1), (0, 1), (1, -1), (1, 1))
@@ -84,6 +85,7 @@ class Block:
         lower_m, upper_m: (2,) corners [m].
         top_m: height up to which it is solid, above the storey's floor [m].
         front: for stairs and voids, (axis, sign) of the side from which the stairs rise.
+        stairs: of stairs and of the void over them.
     """
 
     kind: str
@@ -92,6 +94,7 @@ class Block:
     upper_m: tuple[float, float]
     top_m: float
     front: tuple[int, int] = (0, 1)
+    stairs: Stairs | None = None
 
     def rect(self) -> Array:
         """Return (2, 2) lower and upper corner [m]."""

@@ -6,7 +6,8 @@ import numpy as np
 
 from ...formats.core.errors import check_name
 from ..config import ApartmentConfig
-from .large_partition import VILLAS, house, office
+from .flights import drawn_steps, least_stairwell_m
+from .large_partition import STAIRWELL_DEPTH_M, VILLAS, house, office
 from .openings import Openings, contact
 from .partition import FAMILIES, Cell, oriented
 from .plan import Block, FloorPlan, Room
@@ -132,7 +133,10 @@ def _kinds(rng: np.random.Generator, cells: list[Cell]) -> list[str]:
 
 
 def _house(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
-    parts = house(rng)
+    shape, steps = config.stairs.shape, drawn_steps(rng, config.stairs)
+    tallest, shallowest = config.ceiling_m[1] + _SLAB_M, STAIRWELL_DEPTH_M[0] - config.wall_m
+    along, away = least_stairwell_m(shape, tallest, steps, shallowest)
+    parts = house(rng, (along + config.wall_m, away + config.wall_m))
     if not config.rooms[0] <= sum(map(len, parts)) <= config.rooms[1]:
         return ()
     # Both storeys are turned alike, so that the stairs stay above each other.
@@ -141,7 +145,7 @@ def _house(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan
     ceiling = float(rng.uniform(*config.ceiling_m))
     kinds = _kinds(rng, lower)
     rooms = _rooms(lower, kinds, config)
-    stairs = stairs_block(rooms, config.wall_m, ceiling + _SLAB_M)
+    stairs = stairs_block(rooms, config.wall_m, ceiling + _SLAB_M, shape, steps)
     ground = _opened(rng, rooms, config, blocks=[stairs], ceiling_m=ceiling)
     kinds = [_FIXED_KINDS.get(role, "") for role, *_ in upper]
     names = ["bedroom", "children's room", "bedroom", "study", "bedroom"]

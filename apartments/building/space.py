@@ -9,13 +9,15 @@ from scipy.ndimage import distance_transform_edt, label
 from ...formats.core.arrays import Array, Mask
 from .furniture.piece import Arrangement, Piece
 from .plan import SIDES, FloorPlan, Opening
-from .stairs import occupied_floor
+from .stairs import floor_at_ends, occupied_floor
 
 Rect = Array
 
 _CELL_M = 0.05
 _DOOR_DEPTH_M, _DOOR_SIDE_M = 0.9, 0.12
 _WALL_GAP_M = 0.02
+# Stairs that are nearer to a wall rise from behind its opening.
+_NEAR_M = 0.3
 
 
 def wall_yaw(axis: int, sign: int) -> float:
@@ -45,6 +47,8 @@ class RoomSpace:
             self.tops.append((rect, block.top_m))
         for door in plan.doors_of(index):
             self._keep_door(door)
+        for block in plan.blocks_of(index, "stairs", "void"):
+            self._keep_stairs(floor_at_ends(block))
 
     def _keep_door(self, door: Opening) -> None:
         axis, sign, start, end = door.axis, door.sign, door.start_m, door.end_m
@@ -54,11 +58,19 @@ class RoomSpace:
         self.reserved.append(self.room.strip(axis, sign, sides, depth))
         point = np.empty(2)
         point[axis], point[1 - axis] = face - sign * 0.45, (start + end) / 2
-        if self.blocks and door.kind == "passage" and self.room.kind == "stairwell":
+        near = [abs(b[int(sign > 0), axis] - face) < _NEAR_M for b in self.blocks]
+        if any(near) and door.kind == "passage" and self.room.kind == "stairwell":
             # Beside the stairs, whose foot lies in the passage too.
             sides = ((start, self.blocks[0][0, 1 - axis]), (self.blocks[0][1, 1 - axis], end))
             point[1 - axis] = np.mean(max(sides, key=lambda side: side[1] - side[0]))
         self.entrances.append(point)
+
+    def _keep_stairs(self, floor: Rect) -> None:
+        """Keep the floor before the stairs' foot or behind their head, if it is in this room."""
+        inside = np.clip(floor, *self.bounds)
+        if (inside[1] - inside[0]).min() > _NEAR_M:
+            self.reserved.append(inside)
+            self.entrances.append(inside.mean(0))
 
     def fits(self, item: Arrangement) -> bool:
         """Return whether `item`, in place, respects walls, doors, windows and other furniture."""

@@ -20,7 +20,8 @@ _OPENINGS = frozenset(("door", "door frame", "window", "floor", "ceiling", "wall
 
 def building(building_kind: str, seed: int) -> LevelFacts:
     """Return the ground floor of the building that `vlnpe scan SEED --kind KIND --exact` writes."""
-    scene = build_scene(np.random.default_rng(seed), building_config(building_kind), painted=False)
+    config = building_config(building_kind, seed)
+    scene = build_scene(np.random.default_rng(seed), config, painted=False)
     plan = scene.plan
     low, high = plan.floor_z_m, plan.floor_z_m + plan.ceiling_m
     objects = [LabeledObject(o.name, o.category, o.lower_m, o.upper_m, 0) for o in scene.objects]

@@ -28,6 +28,6 @@ class ScanJob:
         from ....apartments import building_config, generate_exact, generate_scan
 
         generate = generate_scan if self.scanned else generate_exact
-        write = partial(generate, self.seed, config=building_config(self.kind))
+        write = partial(generate, self.seed, config=building_config(self.kind, self.seed))
         facts = {"kind": self.kind, "seed": self.seed, "scanned": self.scanned}
         return write_scan(self.folder, write, facts)

@@ -26,6 +26,6 @@ class SplatScanJob:
         from ....apartments import building_config
         from ....apartments.generate_splats import generate_splats
 
-        write = partial(generate_splats, self.seed, config=building_config(self.kind))
+        write = partial(generate_splats, self.seed, config=building_config(self.kind, self.seed))
         facts = {"kind": self.kind, "seed": self.seed, "scanned": True}
         return write_scan(self.folder, write, facts)
