@@ -13,6 +13,7 @@ from ..rendering.camera.rigs import is_rig
 from .card import View
 
 _ALL_DEPTH_M = 1e6  # images of millimetres have no far end
+_ONE_FOV_DEG = 0.5  # a calibrated camera never has the field of view that was asked of a renderer
 _COLUMNS = ("camera_width_px", "camera_height_px", "camera_hfov_deg", "camera_name")
 
 
@@ -20,7 +21,7 @@ def view_of(selections: Sequence[Selection]) -> View:
     """Return the one camera of all selections; where they differ, a model has no single camera.
 
     Raises:
-        InputError: Their sizes, fields of view or ranges of depth differ.
+        InputError: Their sizes, fields of view (by over 0.5°) or ranges of depth differ.
     """
     views = {
         view
@@ -30,8 +31,17 @@ def view_of(selections: Sequence[Selection]) -> View:
     }
     if len({view.mount for view in views}) > 1:
         views = {replace(view, mount=View.mount) for view in views}
+    widest_deg = max((view.hfov_deg for view in views), default=0.0)
+    views = {
+        replace(view, hfov_deg=widest_deg) if widest_deg - view.hfov_deg <= _ONE_FOV_DEG else view
+        for view in views
+    }
     if len(views) != 1:
-        sizes = "; ".join(sorted(f"{v.width_px}x{v.height_px}:{v.hfov_deg:g}" for v in views))
+        sizes = "; ".join(
+            sorted(
+                f"{v.width_px}x{v.height_px}:{v.hfov_deg:g} to {v.depth_far_m:g} m" for v in views
+            )
+        )
         raise InputError(
             f"the datasets have several cameras ({sizes}); choose one of them with the sources' "
             "`data`, because a policy is evaluated with one"

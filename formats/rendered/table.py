@@ -215,9 +215,9 @@ def _discrete_actions(
         return stop_at_end(executed_actions(rollout.actions, samples))
     if rollout.labels:
         return stop_at_end(np.array(rollout.labels, dtype=np.int64)[: len(samples)])
-    # Recorded before labels were: what the robot itself did next.
+    # A robot's log, or recorded before labels were: what the robot itself did next.
     steps = discrete_steps(poses)
-    return steps.action[np.searchsorted(steps.frame, np.arange(len(samples)))]
+    return stop_at_end(steps.action[np.searchsorted(steps.frame, np.arange(len(samples)))])
 
 
 def _rotate_about_z(vectors: NDArray[np.float64], angle_rad: NDArray | float) -> NDArray:

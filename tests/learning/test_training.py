@@ -270,5 +270,15 @@ def test_a_policy_has_the_rig_that_all_its_data_was_seen_from(tmp_path: Path) ->
     assert view_of([data[n] for n in names[1:3]]).camera == "ego:96x64:90"
 
 
+def test_a_calibrated_camera_is_the_simulated_one(tmp_path: Path) -> None:
+    simulated, recorded, other = (
+        select_all([write_dataset(tmp_path, "h1", [0.5], hfov_deg=fov)])
+        for fov in (90.0, 89.7, 87.0)
+    )
+    assert view_of([recorded, simulated]).camera == "ego:96x64:90"
+    with pytest.raises(InputError, match="several cameras"):
+        view_of([other, simulated])
+
+
 def test_defaults_are_valid() -> None:
     assert train_config({}) == TrainConfig()

@@ -36,6 +36,7 @@ def write_unit(
     depth_storage: str = "video",
     rgb_codec: str = "h264",
     camera_name: str = "front",
+    hfov_deg: float = 90.0,
 ) -> Path:
     """Encode images and write the unit `root/unit-<number>`."""
     frames: dict[str, Any] = make_frames(rollout, frames_per_second)
@@ -46,7 +47,7 @@ def write_unit(
     write_depth_video(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
     if counted:
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
-    camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], 90.0)
+    camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], hfov_deg)
     folder = root / f"unit-{number}"
     seen = FrameFolder(
         rgb_video=rgb_path,

@@ -37,16 +37,25 @@ def write_dataset(
     falls: Sequence[int] = (),
     rate: int = 4,
     camera: str = "ego",
+    hfov_deg: float = 90.0,
 ) -> Path:
     """Write `root/lerobot/<robot>`, an episode for each of `seconds`; those in `falls` fall.
 
-    Views of other cameras lie in `root/lerobot/<robot>-<camera>`.
+    Views of other cameras lie in `root/lerobot/<robot>-<camera>`, or `-<hfov_deg>`.
     """
     name = robot if camera == "ego" else f"{robot}-{camera}"
+    name += "" if hfov_deg == 90.0 else f"-{hfov_deg:g}"
     folder = root / "units" / name
     folder.mkdir(parents=True)
     units = [
-        write_unit(folder, make_walk(n, robot, s, n in falls), n, rate, camera_name=camera)
+        write_unit(
+            folder,
+            make_walk(n, robot, s, n in falls),
+            n,
+            rate,
+            camera_name=camera,
+            hfov_deg=hfov_deg,
+        )
         for n, s in enumerate(seconds)
     ]
     out = root / "lerobot" / name

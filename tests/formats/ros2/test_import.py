@@ -16,6 +16,7 @@ from vlnpe.formats.convert.ros2_unit import unit_from_log
 from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
 from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.formats.lerobot.episode_columns import camera_of
 from vlnpe.formats.lerobot.units.rows import row_arrays
 from vlnpe.formats.ros2.resample import rollout_of_span, spans
 from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
@@ -275,7 +276,7 @@ def test_a_walk_comes_back(tmp_path: Path) -> None:
     )
     back = read_episode_unit(tmp_path / "back")
     again = row_arrays(back.rows())
-    assert back.task == made.task
+    assert back.task == made.task and camera_of(back.columns).hfov_deg == 90.0
     for key in ("observation.joints", "observation.imu", "action.velocity", "observation.progress"):
         np.testing.assert_array_equal(again[key], rows[key])
     for key in ("observation.state", "observation.camera_pose", "action"):
