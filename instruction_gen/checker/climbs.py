@@ -57,6 +57,15 @@ def on_stairs(ground: Ground, claim: Claim) -> Fit:
     return best((1, ground.places), [(far, f"this is not the {claim.place} of the stairs")])
 
 
+def ahead(ground: Ground, claim: Claim) -> Fit:
+    """Return what it costs to say that stairs that are taken next are on a side."""
+    climbs = ground.facts.climbs
+    far = np.array([ramp(c.along_m - ground.along_m, 5.0, 8.0) for c in climbs])
+    side = np.array([ground.door_side(climb, claim.side) for climb in climbs])[:, None]
+    fault = f"the {claim.name} are not on the {claim.side}"
+    return best(far.shape, [(far, "the stairs come later")], [(side, fault)])
+
+
 def on_storey(ground: Ground, claim: Claim, reached: bool) -> Fit:
     """Return what it costs to say that one is on a storey, perhaps on one that stairs reach."""
     facts = ground.facts

@@ -6,6 +6,7 @@ import unicodedata
 MIN_WORDS, MAX_WORDS = 3, 300  # RxR has texts of more than 200
 MAX_CHARACTERS = 2000
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=]|https?:|www\.|://", re.IGNORECASE)
+_DRAWN = re.compile(r"->|~(?= ?\d)")  # "kitchen -> hall, ~3 m"
 _LIST = re.compile(r"(?:^|\s)(?:\d{1,2}|[a-h]|i{1,3}|iv)[.)]\s|(?:^|\n)\s*[-•]", re.IGNORECASE)
 # "You see the sofa, right?" asks nothing.
 _QUESTION = re.compile(
@@ -14,7 +15,7 @@ _QUESTION = re.compile(
     re.IGNORECASE,
 )
 _FIRST_PERSON = re.compile(
-    r"\b(?:I(?:'m| am| can\w*| will| do| have)|my|sorry|cannot|as an ai|certainly|sure thing|"
+    r"\b(?:I(?:'m| am| can\w*)|my(?! \w+[,.!])|sorry|cannot|as an ai|certainly|sure thing|"
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,
 )
@@ -32,7 +33,7 @@ def form_problems(text: str) -> list[str]:
         return [f"{len(text)} characters; at most {MAX_CHARACTERS}"]
     if any(unicodedata.category(c) in ("Cc", "Cf", "Co", "Cs") for c in text.replace("\n", " ")):
         return ["control or direction characters"]
-    if found := _FORBIDDEN.search(text):
+    if found := _FORBIDDEN.search(_DRAWN.sub(" ", text)):
         return [f"{found[0]!r} belongs into no instruction"]
     if found := _LIST.search(text):
         return [f"{found[0].strip()!r}: an instruction is no list"]

@@ -19,7 +19,6 @@ from . import climbs
 from .fit import NEVER, WRONG, Costs, Fit, Part, best, ramp
 from .ground import Ground
 from .said import Said
-from .things import spoken_side
 from .turns import events_of, left_out, made, no_turn, unsaid
 
 LIMIT = 0.66  # the root of the sum of the squares of all costs
@@ -94,8 +93,11 @@ class Alignment:
             return climbs.climbed(ground, claim)
         if what == "storey":
             return climbs.on_storey(ground, claim, said.last.kind == "climb")
-        if is_stairs(claim) and claim.place in ("top", "bottom", "halfway") and ground.facts.climbs:
-            return climbs.on_stairs(ground, claim)
+        if is_stairs(claim) and ground.facts.climbs:
+            if claim.place in ("top", "bottom", "halfway"):
+                return climbs.on_stairs(ground, claim)
+            if claim.side and kind in ("pass", "see", "reach") and said.climbs_next:
+                return climbs.ahead(ground, claim)
         if kind == "avoid":
             return best(
                 (1, ground.places), [(self._entered(said), f"the path does enter the {claim.name}")]
@@ -186,10 +188,6 @@ class Alignment:
         meant = kind == "door" or (claim.what == "thing" and kind in ("pass", "see", "reach"))
         if meant and not own:
             add(self._beyond_first(fit), f"the first {claim.text} on the way is another one")
-        taken = self.ground.facts.climbs
-        if is_stairs(claim) and claim.side and taken and said.following.kind == "climb":
-            side = min(self.ground.door_side(climb, claim.side) for climb in taken)
-            add(side, f"{name} are not {spoken_side(claim.side)}")
         if (kind, claim.what) == ("pass", "room") == (said.last.kind, said.last.what):
             first_m = np.fmin.reduce(self.ground.doors_m(said.last), axis=0, initial=np.nan)
             then_m = np.fmax.reduce(self.ground.doors_m(claim), axis=0, initial=np.nan)

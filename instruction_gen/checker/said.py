@@ -67,6 +67,13 @@ class Said:
         return self.last.place == "halfway" or (not self.apart and self.last.name == "landing")
 
     @property
+    def climbs_next(self) -> bool:
+        """Whether stairs are taken before any room is entered or door gone through."""
+        moves = ("climb", "enter", "door", "leave")
+        then = (c.kind for c in self.claims[self.index + 1 :])
+        return next((kind for kind in then if kind in moves), "") == "climb"
+
+    @property
     def paced_m(self) -> float:
         """The distance that leads to the claim, 0 where none does [m]."""
         kinds = ("see", "pass", "in", "stop")

@@ -13,6 +13,7 @@ from .words import (
     ORDINALS,
     PARTS,
     PREP_OF,
+    PRONOUNS,
     SHARP,
     SLIGHT,
     VERB_OF,
@@ -129,8 +130,8 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     kind = VERB_OF.get(word, "")
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-    if not (kind or before[:1].isalpha()) and after in DETERMINERS and not is_known(word):
-        return "stop"  # "defrost the fridge": what is to be done is done there
+    if not (kind or before[:1].isalpha() or is_known(word)) and after in DETERMINERS | PRONOUNS:
+        return "stop"  # "defrost the fridge", "put it down": what is to be done is done there
     count = before in ORDINALS and k > 1 and tokens[k - 2].text in DETERMINERS  # "the first turn"
     noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
         before in table for table in (SLIGHT, SHARP, _NOT_VERB_AFTER)

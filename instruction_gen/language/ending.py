@@ -109,7 +109,8 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
     rest = clauses[len(first) :]
     cut = next((k for k, c in enumerate(first) if c.joint == ":"), 0)
     head, tail = clauses[:cut], clauses[cut:] if cut else []
-    if any(c.says(*_MAY_ANNOUNCE) for c in head):
+    titled = bool(head) and head[0].says("for") and not any(c.has_verb for c in head)
+    if titled or any(c.says(*_MAY_ANNOUNCE) for c in head):  # "Parcel for the kitchen: …"
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
     own = any(x.kind == "stop" for c in first for x in c.claims)
@@ -118,7 +119,7 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
     way = any(
         x.kind == "pass" or (x.what == "door" and not x.room) for c in first for x in c.claims
     )
-    cue = any(c.says(*_ANNOUNCE) for c in first) or (toward and not way)
+    cue = titled or any(c.says(*_ANNOUNCE) for c in first) or (toward and not way)
     if stopped and (moves or not (cue or own)):
         return False
     may = cue or own or any(c.says(*_MAY_ANNOUNCE) for c in first)
@@ -150,7 +151,7 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
         clause.claims = [
             replace(c, kind="stop", place="inside" if c.what == "room" else
                     "past" if c.kind == "pass" else "at")
-            if c.name else c for c in clause.claims
+            if c.name or c.what == "door" else c for c in clause.claims
         ]  # fmt: skip
     elif last.kind in ("reach", "enter", "in"):
         place = "inside" if last.what == "room" else "at"

@@ -17,7 +17,8 @@ INNATE_COLOURS = {"plant": "green", "tree": "green"}
 MATERIALS = kind_of_word("materials")
 # Adjectives that nothing in a scene can refute.
 ADJECTIVES = closed("adjective")
-_IRREGULAR = kind_of_word("irregular")
+# These have no singular.
+_PLURALS = closed("plural only")
 
 
 def _table(name: str) -> dict[str, tuple[frozenset[str], frozenset[str]]]:
@@ -44,15 +45,16 @@ STOREYS = _table("storeys") | {
 }
 
 
+_ENDS = (("ies", 3, "y"), ("sses", 2, ""), ("xes", 2, ""), ("ches", 2, ""), ("shelves", 3, "f"))
+
+
 @lru_cache(maxsize=4096)
 def singular(word: str) -> str:
     """Return the singular: `chairs` → `chair`; a word that only looks like a plural stays."""
-    if word in _IRREGULAR:
-        return _IRREGULAR[word]
-    for end, cut, add in (("ies", 3, "y"), ("sses", 2, ""), ("xes", 2, ""), ("ches", 2, "")):
-        if word.endswith(end):
+    for end, cut, add in _ENDS:
+        if word.endswith(end) and word not in _PLURALS:
             return word[:-cut] + add
-    if word.endswith("s") and not word.endswith(("ss", "us", "is")):
+    if word.endswith("s") and not word.endswith(("ss", "us", "is")) and word not in _PLURALS:
         return word[:-1]
     return word
 

@@ -9,10 +9,18 @@ from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
-from .referring import counted_again, is_inside, marked, stop_at_it
 from .sides import listed_side, place
-from .stairs import count_storeys, is_stairs, look_for_stairs, on_stairs, unnamed_stairs
-from .targets import claim_of, forbidden, preposition, stop_at
+from .stairs import add_unsaid, is_stairs, look_for_stairs, on_stairs
+from .targets import (
+    claim_of,
+    counted_again,
+    forbidden,
+    is_inside,
+    marked,
+    preposition,
+    stop_at,
+    stop_at_it,
+)
 from .tokens import tokenize
 from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
 
@@ -224,8 +232,7 @@ class _Reader:
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1
-        claims[:0] = unnamed_stairs(clause, self.stairs)
-        count_storeys(clause)
+        add_unsaid(clause, self.before, self.stairs)
         turns = [c for c in claims if c.kind == "turn"]
         if len({c.side for c in turns}) == 2 and _AROUND in turns:  # "a U-turn to the left"
             claims[:] = [replace(c, degree="sharp") if c in turns else c

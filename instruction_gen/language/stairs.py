@@ -69,7 +69,18 @@ def on_stairs(
     return [replace(claim, kind=kind, place=clause.place or claim.place)]
 
 
-def count_storeys(clause: Clause) -> None:
+def add_unsaid(clause: Clause, before: Clause | None, spoken: bool) -> None:
+    """Add what a clause claims of stairs without naming them, and how many it climbs.
+
+    Args:
+        spoken: the text has spoken of stairs before.
+    """
+    clause.claims[:0] = _unnamed_stairs(clause, spoken)
+    _count_storeys(clause)
+    _count_flights(clause, before)
+
+
+def _count_storeys(clause: Clause) -> None:
     """Read over how many storeys a clause goes: `climb two floors`."""
     words = [token.text for token in clause.tokens]
     end = next((k for k, word in enumerate(words) if word in _STOREYS), 0)
@@ -82,12 +93,16 @@ def count_storeys(clause: Clause) -> None:
         clause.used.update((k, end))
 
 
-def unnamed_stairs(clause: Clause, spoken: bool) -> list[Claim]:
-    """Return what a clause claims of stairs that it does not name: `go up`, `at the top`.
+def _count_flights(clause: Clause, before: Clause | None) -> None:
+    """Count the flights of stairs that the clause before climbs: `up the stairs, two flights`."""
+    last, own = before and before.last, clause.claims
+    bare = len(own) == 1 and own[0].count and is_stairs(own[0]) and not clause.has_verb
+    if before and last and last.kind == "climb" and bare and last.what != "storey":
+        before.claims[-1], own[:] = replace(last, count=own[0].count), []
 
-    Args:
-        spoken: the text has spoken of stairs before.
-    """
+
+def _unnamed_stairs(clause: Clause, spoken: bool) -> list[Claim]:
+    """Return what a clause claims of stairs that it does not name: `go up`, `at the top`."""
     words = [token.text for token in clause.tokens]
     if clause.negated or any(c.kind == "climb" or is_stairs(c) for c in clause.claims):
         return []

@@ -7,10 +7,15 @@ from itertools import pairwise
 
 from .lexicon import OBJECT_PHRASES, ROOM_PHRASES, STOREY_PHRASES, singular
 from .spelling import closed_gap, respelt
-from .tables import closed
+from .tables import closed, kind_of_word
 from .words import LONGEST_PHRASE, NUMBERS, PREP_OF, VERB_OF, phrases
 
-_TOKEN = re.compile(r"[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:st|nd|rd|th)?|[^\sA-Za-z\d]")
+_TOKEN = re.compile(
+    r"b4\b|[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:[-–]\d+|st|nd|rd|th)?|[^\sA-Za-z\d]",
+    re.IGNORECASE,
+)
+# What is written short: "ur".
+_SHORT = kind_of_word("short")
 _ENDINGS = {
     "'ll": "will", "'re": "are", "'ve": "have", "'d": "would", "n't": "not", "'m": "am",
 }  # fmt: skip
@@ -45,7 +50,7 @@ def tokenize(text: str) -> list[Token]:
     raw: list[Token] = []
     for match in _TOKEN.finditer(_plain(text)):
         word = match[0].lower()
-        for own in (respelt(word) or word).split():
+        for own in (_SHORT.get(word) or respelt(word) or word).split():
             raw += _parts(own, match.start(), match.end())
     # "The table's on your left", but "the table's end".
     split: list[Token] = []
@@ -61,12 +66,14 @@ def misspelt(text: str) -> list[str]:
     """Return the words that are misspelt, each with how it is read."""
     words = [match[0].lower() for match in _TOKEN.finditer(_plain(text))]
     pairs = {f"{a} {b}": closed_gap(a, b) for a, b in pairwise(words) if not _is_noun(f"{a} {b}")}
-    read = {word: respelt(word) for word in words} | pairs
+    read = {word: respelt(word) for word in words if word not in _SHORT} | pairs
     return [f"{word} (read as {meant})" for word, meant in read.items() if meant]
 
 
 def _plain(text: str) -> str:
-    return re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    """Return a text of equal length without marks that stand for a blank or a comma."""
+    text = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    return text.replace("->", ", ").replace("→", ",").replace("~", " ")
 
 
 def _parts(word: str, start: int, stop: int) -> list[Token]:
@@ -81,7 +88,7 @@ def _parts(word: str, start: int, stop: int) -> list[Token]:
         return [Token(word[:-2], start, stop - 2), Token("is", stop - 2, stop)]
     if word.endswith("'s") and not _is_noun(word) and len(word) > 2:
         return [Token(word[:-2], start, stop - 2), Token("'s", stop - 2, stop)]
-    if "-" in word[1:] and not _is_noun(word) and word not in NUMBERS:
+    if "-" in word[1:] and word[0].isalpha() and not _is_noun(word) and word not in NUMBERS:
         result, at = [], start
         for part in word.split("-"):
             result.append(Token(part, at, at + len(part)))

@@ -58,7 +58,10 @@ def number_of(word: str) -> float | None:
     """Return the value of a number in words or digits, None for other words."""
     if word in NUMBERS:
         return NUMBERS[word]
-    return float(word) if word.replace(".", "", 1).isdigit() else None
+    low, _, high = word.replace("–", "-").partition("-")
+    if low.replace(".", "", 1).isdigit():  # "4-5"
+        return 0.5 * (float(low) + float(high)) if high.isdigit() else float(low)
+    return None
 
 
 def is_known(word: str) -> bool:

@@ -116,6 +116,14 @@ def test_facts_of_a_path_over_stairs(up, down):
         "Hi! Walk to the base of the stairs. Up you go. At the top go right. Stop in the bedroom.",
         "Go up one storey using the stairs, turn right and stop in the bedroom.",
         "Climb two flights of stairs, turn right and stop in the bedroom.",
+        "Kitchen -> living room -> up the stairs (2 flights), left at half-landing. Right at top, "
+        "~6 m, stop in bedroom.",
+        "ok go thru the living room n up the stairs dear, at the top its right n into the bedroom "
+        "lol",
+        "Parcel for upstairs: leave the kitchen, go up one floor, turn right and put it down in "
+        "the bedroom.",
+        "Forgive me if I go slowly, my dear. If you would walk to the stairs, please, which we "
+        "climb, two flights. At the top turn right. You go into the bedroom.",
     ],
 )
 def test_true_texts_pass(up, text):
@@ -144,6 +152,9 @@ def test_true_texts_pass(up, text):
         ("At the base of the stairs turn around. Stop in the bedroom.", ""),
         ("The stairs are on your right; go up. Stop in the bedroom.", "on the right"),
         ("Go up four flights of stairs, turn right and stop in the bedroom.", "4 flights"),
+        ("Go up the stairs, three flights. Turn right and stop in the bedroom.", "3 flights"),
+        ("Parcel for downstairs: up the stairs, right, put it down in the bedroom.", ""),
+        ("Go to the stairs, up n turn left at the top, stop in the bedroom lol.", ""),
     ],
 )  # fmt: skip
 def test_lies_are_refused(up, text, reason):
