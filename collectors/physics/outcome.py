@@ -64,10 +64,10 @@ class OutcomeWatch:
         """Prepare to watch a robot.
 
         Args:
-            ground: with stairs, on which its pitch counts against the slope.
+            ground: with stairs, on which the pitch of a trunk that leans counts against the slope.
         """
         self._fall, self._surface, self._config = fall, surface, config
-        self._ground = ground
+        self._ground = ground if handles.robot.leans else None
         # Views of the simulation's memory: access through `data` costs more than the check.
         self._base = data.qpos[handles.root_qpos : handles.root_qpos + 7]
         self._qvel, self._geom_xpos = data.qvel, data.geom_xpos

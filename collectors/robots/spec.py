@@ -102,6 +102,11 @@ class RobotSpec:
         return tuple(foot.name for foot in self.feet)
 
     @property
+    def leans(self) -> bool:
+        """Whether its trunk pitches along the slope of stairs, as it does on more than two feet."""
+        return len(self.feet) > 2
+
+    @property
     def default_joint_rad(self) -> Array:
         """(J,) default joint positions [rad]."""
         return np.array([joint.default_rad for joint in self.joints])

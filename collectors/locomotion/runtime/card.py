@@ -136,13 +136,15 @@ def _footing_sizes(
 ) -> list[tuple[str, Shape, tuple[Shape, ...]]]:
     """Return the same of a footing's tables."""
     rows, columns = len(footing.scan_x_m), len(footing.scan_y_m)
-    valid = {
-        "scan_x_m": (max(rows, 3),),
-        "scan_y_m": (max(columns, 1),),
-        "leg_m": (3,),
-        "reach_rad": (feet * len(POWERS), joints),
+    bends = (feet * len(POWERS), joints)
+    valid: dict[str, tuple[Shape, ...]] = {
+        "scan_x_m": ((max(rows, 3),),),
+        "scan_y_m": ((max(columns, 1),),),
+        "leg_m": ((3,),),
+        "reach_rad": (bends,),
+        "bear_rad": ((0,), bends),
     }
-    return [(f"footing.{n}", _shape(getattr(footing, n)), (shape,)) for n, shape in valid.items()]
+    return [(f"footing.{n}", _shape(getattr(footing, n)), shapes) for n, shapes in valid.items()]
 
 
 def _shape(values: tuple[Any, ...]) -> Shape:

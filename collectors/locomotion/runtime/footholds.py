@@ -28,8 +28,11 @@ class FootingTables(NamedTuple):
         stance_s: half a stance.
         blend, servo: share per step by which the slope, and joints, follow.
         leg_m, least_m, most_m: `Footing.leg_m`.
+        lean, crouch_m: see `Footing`.
+        sole: rows of the scan that soles reach over, to either side.
+        bearing: share of them, and of the neighbours of a point foot, that must be level.
         columns: (F,) of the scan that feet are in.
-        reach: (F, K, J) joint offsets for `powers` (K, 2) of a foot's shift.
+        reach, bear: (F, K, J) joint offsets for `powers` (K, 2) of a foot's shift, see `Footing`.
     """
 
     first_m: float
@@ -43,8 +46,13 @@ class FootingTables(NamedTuple):
     leg_m: float
     least_m: float
     most_m: float
+    lean: float
+    crouch_m: float
+    sole: int
+    bearing: float
     columns: I64
     reach: Array
+    bear: Array
     powers: I64
 
 
@@ -57,6 +65,7 @@ class Footholds(NamedTuple):
         feet: (N, F, 5) height of the last and of the next foothold in the world, how far these are
             moved forward, and how much the foot is lifted beyond a step [m].
         shift: (N, J) joint offsets that lead there [rad].
+        bear: (N, J) what servos aim at beyond them, because of the weight [rad].
         shown: (2, N, J) those that the joints have followed so far [rad], and their rate [rad/s].
     """
 
@@ -64,6 +73,7 @@ class Footholds(NamedTuple):
     slope: Array
     feet: Array
     shift: Array
+    bear: Array
     shown: Array
 
     @classmethod
@@ -73,6 +83,7 @@ class Footholds(NamedTuple):
             np.zeros(count, dtype=bool),
             np.zeros(count),
             np.zeros((count, feet, 5)),
+            np.zeros((count, joints)),
             np.zeros((count, joints)),
             np.zeros((2, count, joints)),
         )
@@ -90,7 +101,7 @@ def place_feet(tables, gait, footholds, scan, clock, command):
         clock: `ClockState`.
         command: (N, 3) that the reference follows.
     """
-    ready, slopes, feet, shift, shown = footholds
+    ready, slopes, feet, shift, bear, shown = footholds
     phase, moving, placed = clock.phase, clock.moving, gait.feet
     first, spacing, reach, powers = tables.first_m, tables.spacing_m, tables.reach, tables.powers
     for n in range(len(scan)):
@@ -99,10 +110,10 @@ def place_feet(tables, gait, footholds, scan, clock, command):
             slope = slopes[n] + tables.blend * (slope - slopes[n])
         slopes[n] = slope
         ground = _ground(tables, scan[n], slope)
-        angle = np.arctan(slope)
+        angle = tables.lean * np.arctan(slope)
         cosine, sine = np.cos(angle), np.sin(angle)
         half = tables.stance_s * command[n, 0] * cosine if moving[n] else 0.0
-        shift[n] = 0.0
+        shift[n] = bear[n] = 0.0
         for f in range(len(placed)):
             level, foot = scan[n, tables.columns[f]], feet[n, f]
             home = placed[f, 1] * cosine
@@ -121,10 +132,12 @@ def place_feet(tables, gait, footholds, scan, clock, command):
                 chosen = _foothold(tables, level, to)
                 foot[1], foot[3] = _height(tables, level, chosen), chosen - to
                 # The highest ground on the way, over the straight line between its ends.
-                top, low, high = -np.inf, min(since, chosen), max(since, chosen)
+                top = -np.inf
+                low = min(since, chosen) - spacing * (1 + tables.sole)
+                high = max(since, chosen) + spacing * (1 + tables.sole)
                 for row in range(len(level)):
                     x = first + spacing * row
-                    if low - spacing < x < high + spacing:
+                    if low < x < high:
                         top = max(top, level[row] - slope * x)
                 middle = 0.5 * (foot[0] - slope * since + foot[1] - slope * chosen)
                 foot[4] = max(top - middle + tables.clearance_m - tables.usual_m, foot[4])
@@ -143,14 +156,16 @@ def place_feet(tables, gait, footholds, scan, clock, command):
                 rise = foot[1] - slope * (home - half * np.cos(2.0 * np.pi * cycle) + moved)
             x, z = home + moved, slope * home + rise - ground - tables.height_m
             ahead = cosine * x + sine * z - placed[f, 1]
-            above = cosine * z - sine * x + tables.height_m
+            above = cosine * z - sine * x + tables.height_m + tables.crouch_m * abs(slope)
             length = np.hypot(ahead, tables.leg_m - above)
             scale = min(max(length, tables.least_m), tables.most_m) / length
             ahead, above = scale * ahead, tables.leg_m - scale * (tables.leg_m - above)
+            borne = 0.0 if swing else 1.0 if moving[n] else 1.0 / len(placed)
             for k in range(len(powers)):
                 term = ahead ** powers[k, 0] * above ** powers[k, 1]
                 for j in range(shift.shape[1]):
                     shift[n, j] += term * reach[f, k, j]
+                    bear[n, j] += term * borne * tables.bear[f, k, j]
         for j in range(shift.shape[1]):
             if not ready[n]:
                 shown[0, n, j] = shift[n, j]
@@ -175,7 +190,7 @@ def see_ground(tables, footholds, scan, body, seen):
     joints, rows = (body.shape[1] - 9) // 2, scan.shape[2]
     for n in range(len(scan)):
         slope = footholds.slope[n]
-        angle = np.arctan(slope)
+        angle = tables.lean * np.arctan(slope)
         cosine, sine = np.cos(angle), np.sin(angle)
         x, z = body[n, 6], body[n, 8]
         body[n, 6], body[n, 8] = cosine * x - sine * z, sine * x + cosine * z
@@ -222,19 +237,26 @@ def _smooth(share):
 
 @called()
 def _height(tables, level, x):
-    """Return the height (rows,) at the row next to x."""
+    """Return the height (rows,) under a foot at x: at the highest row under its sole."""
     row = int(np.rint((x - tables.first_m) / tables.spacing_m))
-    return level[min(max(row, 0), len(level) - 1)]
+    last = len(level) - 1
+    return level[min(max(row - tables.sole, 0), last) : min(row + tables.sole, last) + 1].max()
 
 
 @called()
 def _foothold(tables, level, x):
-    """Return where the ground is flat, as near to x as possible; x if it is so nowhere."""
+    """Return where the ground bears a foot, as near to x as possible; x if it does so nowhere.
+
+    Of a sole, which rests on the highest row under it, a share may stand out over an edge.
+    """
     best, chosen = REACH_M, x
-    for row in range(1, len(level) - 1):
+    around = max(tables.sole, 1)
+    for row in range(around, len(level) - around):
         at = tables.first_m + tables.spacing_m * row
         far = abs(at - x)
-        step = max(abs(level[row + 1] - level[row]), abs(level[row - 1] - level[row]))
-        if step < FLAT_M and far < best:
-            best, chosen = far, at
+        if far < best:
+            rest = level[row - tables.sole : row + tables.sole + 1].max()
+            rows = np.abs(level[row - around : row + around + 1] - rest) < FLAT_M
+            if rows.mean() >= tables.bearing:
+                best, chosen = far, at
     return x if best < 0.5 * tables.spacing_m else chosen

@@ -1,7 +1,8 @@
 """Footholds on stairs: how a gait's reference follows the ground that a height scan shows.
 
-On level ground it adds nothing. On stairs the trunk is to pitch along the slope, every foot is put
-where the ground is flat, at the height of the ground there, and swings over the edge in between.
+On level ground it adds nothing. On stairs the trunk is to pitch along the slope, or, on two legs,
+to stay upright and sink a little; every foot is put where the ground is flat, at the height of the
+ground there, and swings over the edge in between.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from .gait import RATE_HZ, GaitClock
 POWERS = tuple((i, n - i) for n in range(1, 6) for i in range(n + 1))
 # Heights of a scan that differ by more are no level ground, whatever the camera's noise.
 UNEVEN_M = 0.045
+BEARING = 0.7  # share of a sole that must not stand out over an edge
 SLOPE_S = 0.16  # time constant of the slope under a robot
 SERVO_S = 0.05  # and of joints that follow their targets
 
@@ -37,6 +39,12 @@ class Footing:
         clearance_m: how high they shall pass over an edge.
         leg_m: height of the legs' upper joints over the feet, and their least and greatest length.
         reach_rad: F × `POWERS` rows of J joint offsets [rad per m, per m², …].
+        bear_rad: the same, how much farther servos of the legs that bear the robot must aim; none
+            where empty.
+        lean: share of the slope by which the trunk pitches.
+        crouch_m: how far the base sinks on a slope of 1.
+        sole_m: half the length of its soles, whose middle gaits put below the body; 0 of a point
+            foot.
     """
 
     scan_x_m: tuple[float, ...]
@@ -46,6 +54,10 @@ class Footing:
     clearance_m: float
     leg_m: tuple[float, float, float]
     reach_rad: tuple[tuple[float, ...], ...]
+    bear_rad: tuple[tuple[float, ...], ...] = ()
+    lean: float = 1.0
+    crouch_m: float = 0.0
+    sole_m: float = 0.0
 
     @classmethod
     def of(cls, values: dict[str, Any]) -> Footing:
@@ -55,7 +67,8 @@ class Footing:
             KeyError, TypeError: a value is missing, or another one there.
         """
         values = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-        values["reach_rad"] = tuple(tuple(row) for row in values["reach_rad"])
+        for name in ("reach_rad", "bear_rad"):
+            values[name] = tuple(tuple(row) for row in values.get(name, ()))
         return cls(**values)
 
     @property
@@ -85,9 +98,11 @@ class Footing:
     def tables(self, gait: GaitClock) -> FootingTables:
         """Return the footing as numbers for kernels."""
         x, y = self.scan_x_m, np.array(self.scan_y_m)
+        reach = np.array(self.reach_rad).reshape(len(gait.foot_offsets), len(POWERS), -1)
+        spacing = (x[-1] - x[0]) / (len(x) - 1)
         return FootingTables(
             x[0],
-            (x[-1] - x[0]) / (len(x) - 1),
+            spacing,
             self.base_height_m,
             self.step_m,
             self.clearance_m,
@@ -95,7 +110,12 @@ class Footing:
             1.0 / (RATE_HZ * SLOPE_S),
             1.0 / (RATE_HZ * SERVO_S),
             *self.leg_m,
+            self.lean,
+            self.crouch_m,
+            int(np.rint(self.sole_m / spacing)),
+            BEARING if self.sole_m else 1.0,
             columns=np.array([int(np.abs(y - foot).argmin()) for _, foot in gait.foot_xy_m]),
-            reach=np.array(self.reach_rad).reshape(len(gait.foot_offsets), len(POWERS), -1),
+            reach=reach,
+            bear=np.array(self.bear_rad).reshape(reach.shape) if self.bear_rad else 0.0 * reach,
             powers=np.array(POWERS),
         )

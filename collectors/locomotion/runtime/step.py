@@ -184,7 +184,8 @@ def _advance(
     observe(body, default, command, clock, action, remembers, seen[:, :plain])
     refer(tables, clock.phase, clock.moving, command, reference)
     if footed is not None:
-        reference += footed[1][3]
+        footholds = Footholds(*footed[1])
+        reference += footholds.shift + footholds.bear
 
 
 @kernel()

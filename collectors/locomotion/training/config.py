@@ -238,4 +238,12 @@ _STAIRS = TrainingConfig(
     kl=0.012,
     hidden=(256, 128),
 )
-STAIRS: Phases = ((_STAIRS, 800),)
+
+
+def stairs_phases(level: Phases, leans: bool) -> Phases:
+    """Return the phases on stairs of a robot with these phases on level ground.
+
+    One that does not lean would fall over the exploration that others need.
+    """
+    stand, std = level[-1][0].stand_joint_rad, _STAIRS.init_std if leans else 0.1
+    return ((replace(_STAIRS, stand_joint_rad=stand, init_std=std), 800),)

@@ -20,9 +20,10 @@ from .gaits import ON_FOUR_LEGS, ON_TWO_LEGS
 G_M_S2 = 9.81
 LIFT = 1.2  # the reference lifts a foot by this much more than it shall rise, because servos lag
 TURN_M = 0.2  # a foot's turn by 1 rad counts as much as a displacement by this
-ROUNDS, DAMPING = 20, 1e-4
+ROUNDS, DAMPING, STEP_RAD = 20, 1e-4, 0.3
 # Legs of more joints than this can hold their soles level.
 POINT_LEG = 3
+PITCHES = 0.9  # share of a joint's axis that is sideways, to count as one that pitches
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,14 @@ class Leg:
 
     Attributes:
         columns: indices of its joints among the robot's.
+        soles: geoms of its soles.
         place_m: (3,) middle of its soles' lowest points in the default pose, world frame.
         press_m: (3,) where it presses; a long sole does so below the centre of mass.
     """
 
     body: int
     columns: NDArray[np.intp]
+    soles: NDArray[np.intp]
     place_m: Array
     press_m: Array
 
@@ -78,7 +81,7 @@ class Stance:
             raise InputError(f"robot {self.robot.name}: no joint of the policy moves foot {name}")
         press, along = place.copy(), self.data.geom_xpos[soles, 0]
         press[0] = np.clip(self._center_m[0], along.min(), along.max())
-        return Leg(body, columns, place, press)
+        return Leg(body, columns, soles, place, press)
 
     @property
     def _center_m(self) -> Array:
@@ -95,6 +98,25 @@ class Stance:
 
         A leg of three joints or fewer does not mind how its foot is turned.
         """
+        offsets = self._bend(leg, shift_m, yaw_rad)
+        self._reset()
+        return offsets
+
+    def reach_and_bear(self, leg: Leg, shift_m: Array) -> tuple[Array, Array]:
+        """Return the offsets of `reach`, and how much farther (J,) [rad] servos must aim there.
+
+        That holds when the leg alone bears the robot, rather than in the default pose.
+        """
+        before = self.push(leg)
+        offsets = self._bend(leg, shift_m)
+        low, high = np.array(self.sole_m(leg))
+        press = np.array([np.clip(self._center_m[0], low, high), *(leg.place_m + shift_m)[1:]])
+        push = -self.jacobian(leg.body, press)[2] - before
+        self._reset()
+        return offsets, push * self.robot.mass_kg * G_M_S2 / self.kp
+
+    def _bend(self, leg: Leg, shift_m: Array, yaw_rad: float = 0.0) -> Array:
+        """Bend a leg; return its joints' offsets (J,) [rad]."""
         data, joints = self.data, self.handles.joint_qpos[leg.columns]
         local = data.xmat[leg.body].reshape(3, 3).T @ (leg.place_m - data.xpos[leg.body])
         start = data.xquat[leg.body].copy()
@@ -114,18 +136,25 @@ class Stance:
             if len(leg.columns) <= POINT_LEG:
                 jacobian, error = jacobian[:3], error[:3]
             square = jacobian.T @ jacobian + DAMPING * np.eye(len(leg.columns))
-            data.qpos[joints] += np.linalg.solve(square, jacobian.T @ error)
+            step = np.linalg.solve(square, jacobian.T @ error)
+            # Long legs are nearly straight: a whole step would fold them backwards.
+            data.qpos[joints] += step * min(1.0, STEP_RAD / np.abs(step).max(initial=STEP_RAD))
             mujoco.mj_kinematics(self.model, data)
             mujoco.mj_comPos(self.model, data)
         offsets = np.zeros(len(self.kp))
         offsets[leg.columns] = data.qpos[joints] - self.robot.default_joint_rad[leg.columns]
-        self._reset()
         return offsets
 
-    def anchors_m(self, leg: Leg) -> Array:
-        """Return where a leg's joints are in the default pose, (n, 3) [m]."""
+    def pitch_anchors_m(self, leg: Leg) -> Array:
+        """Return where the pitch joints of a leg are in the default pose, (n, 3) [m]."""
         joints = self.model.dof_jntid[self.handles.joint_dof[leg.columns]]
+        joints = joints[np.abs(self.data.xaxis[joints, 1]) > PITCHES]
         return self.data.xanchor[joints].copy()
+
+    def sole_m(self, leg: Leg) -> tuple[float, float]:
+        """Return the least and greatest x of a leg's sole [m]."""
+        x = self.data.geom_xpos[leg.soles, 0]
+        return float(x.min()), float(x.max())
 
     def lift_m(self, leg: Leg, offsets_rad: Array) -> float:
         """Return how much joint offsets (J,) raise a leg's foot [m]."""

@@ -230,7 +230,7 @@ class GaitEnv(VecEnv):
             angular_velocity=angular,
             linear_mean=self._linear_mean,
             yaw_mean=self._yaw_mean,
-            gravity=levelled(state.gravity, self.terrain, self._step.pose),
+            gravity=levelled(state.gravity, self.robot, self.terrain, self._step.pose),
             height_m=self._height,
             torque_nm=self._force[:, self.handles.actuators[: self.num_actions]],
             joint_rad=joint_rad,

@@ -25,7 +25,7 @@ from ....formats.core.atomic import atomic_file
 from ....formats.core.errors import InputError, VlnpeError
 from ...robots import RobotSpec, get_robot
 from ..trials.terrain import Terrain, rough_terrain, stairs_terrain
-from .config import STAIRS, Phases, TrainingConfig, ppo_config
+from .config import Phases, TrainingConfig, ppo_config, stairs_phases
 from .env import GaitEnv
 from .export import write_policy
 from .recipes import recipe
@@ -34,7 +34,7 @@ from .stairs.reach import footing
 from .workers import Workers
 
 log = logging.getLogger(__name__)
-RISERS_M, GOINGS_M, LANES, STEPS = (0.05, 0.19), (0.25, 0.31), 12, 7  # of stairs
+RISERS_M, GOINGS_M, LANES, STEPS = (0.03, 0.19), (0.25, 0.31), 12, 7  # of stairs
 CHUNK = 10  # iterations per line of the learning curve
 
 
@@ -99,7 +99,8 @@ def train(robot: RobotSpec, out: Path, arguments: Arguments) -> None:
     stairs = arguments.terrain == "stairs"
     if arguments.start and not stairs:
         raise InputError(f"--start {arguments.start}: a gait on level ground starts from nothing")
-    phases = STAIRS if stairs else recipe(robot).phases
+    level = recipe(robot).phases
+    phases = stairs_phases(level, robot.leans) if stairs else level
     base = Base.load(robot, arguments.start) if stairs else None
     added_to = base.card.network_sha256 if base else ""
     if base is not None:

@@ -16,6 +16,7 @@ from ...robots import (
     TIMESTEP_S,
     FallThresholds,
     RobotHandles,
+    RobotSpec,
     apply_physics_options,
 )
 from ..runtime.observation import RobotState, states_of
@@ -75,13 +76,13 @@ def fallen(gravity: Array, com_height_m: Array, fall: FallThresholds, slack: flo
     return (roll > slack * fall.roll_rad) | (pitch > slack * fall.pitch_rad) | low
 
 
-def levelled(gravity: Array, terrain: Terrain, pose: Array) -> Array:
+def levelled(gravity: Array, robot: RobotSpec, terrain: Terrain, pose: Array) -> Array:
     """Return gravity (N, 3) as robots would feel it if the stairs under them were level.
 
     Stairs rise in the direction of robots at poses (N, 3) x, y [m], heading [rad]. Other ground is
-    taken as it is: its bumps are shorter than a robot.
+    taken as it is: its bumps are shorter than a robot. So are stairs by one that does not lean.
     """
-    if not terrain.blocks:
+    if not (terrain.blocks and robot.leans):
         return gravity
     slope = slopes(terrain, pose)
     cosine, sine, (x, y, z) = np.cos(slope), np.sin(slope), gravity.T
@@ -267,7 +268,9 @@ class Trial:
         lowest = self._geoms[:, self.handles.sole_geoms, 2] - self._sole_radius
         height = self._com[:, self.handles.root_body, 2] - lowest.min(axis=(1, 2))
         broken = ~np.isfinite(self._qpos).all(axis=1)
-        gravity = levelled(self.state().gravity, self.conditions.terrain, self._step.pose)
+        gravity = levelled(
+            self.state().gravity, self.policy.robot, self.conditions.terrain, self._step.pose
+        )
         return broken | fallen(gravity, height, self.policy.robot.fall)
 
     def kick(self, robots: Mask, speed_m_s: float) -> None:

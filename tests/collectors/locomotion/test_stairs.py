@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -95,8 +96,10 @@ def test_pitch_counts_against_the_slope_of_stairs():
     pose = np.array([[middle, 0.0, 0.0], [middle, 0.0, np.pi]])
     # Nose up along the flight, and nose down along it in the other direction.
     gravity = np.array([[-np.sin(slope), 0, -np.cos(slope)], [np.sin(slope), 0, -np.cos(slope)]])
-    np.testing.assert_allclose(levelled(gravity, terrain, pose)[:, 0], 0.0, atol=0.05)
-    np.testing.assert_array_equal(levelled(gravity, Terrain(), pose), gravity)
+    np.testing.assert_allclose(levelled(gravity, ALIENGO, terrain, pose)[:, 0], 0.0, atol=0.05)
+    np.testing.assert_array_equal(levelled(gravity, ALIENGO, Terrain(), pose), gravity)
+    # A humanoid stays upright on stairs, too.
+    np.testing.assert_array_equal(levelled(gravity, get_robot("h1"), terrain, pose), gravity)
 
 
 @pytest.mark.parametrize(
@@ -258,9 +261,39 @@ def test_a_card_keeps_its_footing_and_refuses_a_broken_one(footed: GaitPolicy, t
             load_card(path).check(ALIENGO, path)
 
 
-def test_only_legs_of_three_joints_have_a_footing(plain: GaitPolicy):
-    with pytest.raises(InputError, match="5 joints"):
-        footing(get_robot("h1"), GaitPolicy.load(get_robot("h1")).card.gait)
+def on_two_legs(name: str) -> GaitPolicy:
+    """The installed gait of a robot whose trunk stays upright, with a footing."""
+    robot = get_robot(name)
+    gait = GaitPolicy.load(robot)
+    return gait.changed(robot, replace(gait.card, footing=footing(robot, gait.card.gait)))
+
+
+@pytest.mark.parametrize("name", ("h1", "g1"))
+def test_two_legs_with_a_footing_bend_under_an_upright_trunk(name: str):
+    policy = on_two_legs(name)
+    plan, robot = policy.card.footing, policy.robot
+    assert plan is not None and plan.lean == 0.0 and not robot.leans
+    foot, ankle_m = robot.build_model(floor=False), plan.leg_m[0]
+    assert 0.5 < ankle_m / float(foot.body(robot.root_body).pos[2]) < 0.85
+    terms = [0.1**i * 0.15**j for i, j in POWERS]
+    bend = np.array(terms) @ np.array(plan.reach_rad)[: len(POWERS)]
+    joints = dict(zip(robot.joint_names, bend, strict=True))
+    # A sole that is put ahead and up is level: hip, knee and ankle cancel.
+    turned = [
+        value for key, value in joints.items() if re.match(r"left_(hip_pitch|knee|ankle)", key)
+    ]
+    assert abs(sum(turned)) < 0.06 and max(turned) > 0.4
+    # The knee that bears the robot gives way: it has to aim at less of a bend.
+    weight = np.array(terms) @ np.array(plan.bear_rad)[: len(POWERS)]
+    assert weight[robot.joint_names.index("left_knee_joint")] < -0.1
+
+
+@pytest.mark.chain
+def test_a_humanoid_comes_down_steps_on_its_footing():
+    policy = on_two_legs("h1")
+    plain = policy.changed(policy.robot, replace(policy.card, footing=None))
+    rows = [climb(gait, 0.10, 8, np.random.default_rng(77)) for gait in (policy, plain)]
+    assert rows[0]["down_arrived"] >= 0.6 > 0.5 >= rows[1]["down_arrived"]
 
 
 def test_a_scan_turns_with_the_robot():
@@ -280,12 +313,17 @@ def training():
     return train
 
 
+def stairs_phase(training: Any, **changes: int) -> Any:
+    level = training.recipe(ALIENGO).phases
+    return replace(training.stairs_phases(level, ALIENGO.leans)[0][0], **changes)
+
+
 @pytest.mark.chain
 def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     training: Any, plain: GaitPolicy, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    phase = replace(training.STAIRS[0][0], envs=12, steps=6)
-    monkeypatch.setattr(training, "STAIRS", ((phase, 2),))
+    phase = stairs_phase(training, envs=12, steps=6)
+    monkeypatch.setattr(training, "stairs_phases", lambda *_: ((phase, 2),))
     arguments = training.Arguments("aliengo", terrain="stairs", threads=1)
     training.train(ALIENGO, tmp_path, arguments)
     policy = plain.changed(ALIENGO, replace(plain.card, footing=footing(ALIENGO, plain.card.gait)))
@@ -302,7 +340,7 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
     image = seen[:, mirror.observation_order.numpy()] * mirror.observation_signs.numpy()
     answer = learned.infer(image)[:, mirror.joint_order.numpy()] * mirror.joint_signs.numpy()
     np.testing.assert_allclose(answer, added, atol=1e-4)
-    monkeypatch.setattr(training, "STAIRS", ((phase, 3),))
+    monkeypatch.setattr(training, "stairs_phases", lambda *_: ((phase, 3),))
     # It goes on with half of the robots in each of two processes.
     training.train(ALIENGO, tmp_path, replace(arguments, workers=2))
     with (tmp_path / "curve.csv").open() as file:
@@ -318,7 +356,7 @@ def test_training_on_stairs_adds_to_the_gait_goes_on_and_exports(
 def test_a_worker_that_dies_is_named_and_none_outlives_the_training(training: Any):
     from vlnpe.collectors.locomotion.training.stairs.base import Base
 
-    phase = replace(training.STAIRS[0][0], envs=4, steps=2)
+    phase = stairs_phase(training, envs=4, steps=2)
     arguments = training.Arguments("aliengo", terrain="stairs", threads=1, workers=2)
     rng = np.random.default_rng(0)
     robots = training._environment(ALIENGO, phase, rng, Base.load(ALIENGO), arguments)
@@ -333,7 +371,6 @@ def test_a_worker_that_dies_is_named_and_none_outlives_the_training(training: An
 
 def test_what_cannot_be_trained_leaves_nothing(training: Any, tmp_path: Path):
     for robot, terrain, start, reason in (
-        ("h1", "stairs", None, "5 joints"),
         ("jetbot", "level", None, "walks on 2 or 4 feet"),
         ("aliengo", "level", tmp_path, "starts from nothing"),
     ):

@@ -10,6 +10,7 @@ from ...trials.terrain import LANE_M, Terrain
 from ...trials.trial import STEP_S
 
 SHARE_LEVEL = 0.05  # of the robots walk on level ground beside the stairs
+FIRST_LANES = 4  # robots begin on the lowest ones
 LEVEL_M = 8.0  # half its side
 SPEED_M_S, SHARE_STOPS, SPEED_S = (0.25, 0.6), 0.12, 5.0  # on stairs, redrawn so often
 HEADING_GAIN, SIDE_GAIN, SIDE_M_S = 2.5, 2.0, 0.25  # as of `PathController`
@@ -63,7 +64,7 @@ class Stairs(Course):
 
     def __init__(self, terrain: Terrain, count: int, rng: np.random.Generator) -> None:
         super().__init__(terrain, count, rng)
-        lane = rng.integers(len(terrain.lanes), size=count)
+        lane = rng.integers(min(FIRST_LANES, len(terrain.lanes)), size=count)
         self.lane = np.where(np.arange(count) < SHARE_LEVEL * count, -1, lane)
         # Of each robot: middle of its lane, direction along it, where it began, how far it should
         # have come, and its speed.

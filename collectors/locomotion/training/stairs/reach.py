@@ -12,11 +12,15 @@ from ...runtime.gait import GaitClock
 from ..derived import POINT_LEG, Stance
 
 # Shifts of a foot to fit to, ahead and above, and how much of its straight leg is used.
-AHEAD_M, ABOVE_M, GRID = 0.3, (-0.1, 0.22), 13
+AHEAD_M, GRID = 0.3, 13
+ABOVE_M, ABOVE_UPRIGHT_M = (-0.1, 0.22), (-0.12, 0.34)
 LENGTHS = (0.33, 0.94)
+CHAIN = 3  # points from hip to foot
 # A scan from behind the hind feet to more than one tread before the front feet.
 FIRST_M, SPACING_M, ROWS = -0.44, 0.04, 27
 CLEARANCE_M = 0.07  # of edges
+# On two legs the trunk stays upright, and legs bend: they step half a riser down, and half up.
+CROUCH_M = 0.05
 
 
 @cache
@@ -24,34 +28,41 @@ def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
     """Return how a robot's gait follows stairs.
 
     Raises:
-        InputError: its legs have other than three joints.
+        InputError: its legs have other joints than hip, knee, and perhaps ankle that pitch.
     """
     stance = Stance(robot)
     reach: list[list[float]] = []
-    heights, lengths, lifts = [], [], []
+    bear: list[list[float]] = []
+    heights, lengths, lifts, soles = [], [], [], []
     for foot, swing in enumerate(gait.swing_rad):
         # A round sole rolls: its middle is what is put somewhere.
         up = np.array([0.0, 0.0, stance.handles.sole_radius_m[foot].mean()])
         leg = replace(stance.legs[foot], place_m=stance.legs[foot].place_m + up)
-        if len(leg.columns) != POINT_LEG:
+        chain = stance.pitch_anchors_m(leg)
+        if len(leg.columns) <= POINT_LEG:
+            chain = np.vstack([chain, leg.place_m])
+        else:
+            soles.append(0.5 * float(np.ptp(stance.sole_m(leg))))
+        if len(chain) != CHAIN:
             raise InputError(
-                f"a leg of robot {robot.name} has {len(leg.columns)} joints; valid on stairs: "
-                f"{POINT_LEG}, abduction, hip and knee"
+                f"a leg of robot {robot.name} has {len(leg.columns)} joints, {len(chain)} points "
+                "from hip to foot; valid on stairs: hip, knee, and a point foot or an ankle"
             )
-        hip, knee = stance.anchors_m(leg)[1:]
-        height = float(hip[2] - leg.place_m[2])
-        length = float(np.linalg.norm(knee - hip) + np.linalg.norm(leg.place_m - knee))
+        hip, knee, end = chain
+        height = float(hip[2] - end[2])
+        length = float(np.linalg.norm(knee - hip) + np.linalg.norm(end - knee))
         least, most = (share * length for share in LENGTHS)
         shifts = [
             (ahead, above)
             for ahead in np.linspace(-AHEAD_M, AHEAD_M, GRID)
-            for above in np.linspace(*ABOVE_M, GRID)
+            for above in np.linspace(*(ABOVE_M if robot.leans else ABOVE_UPRIGHT_M), GRID)
             if least < np.hypot(ahead, height - above) < most
         ]
-        offsets = [stance.reach(leg, np.array([ahead, 0.0, above])) for ahead, above in shifts]
+        both = [stance.reach_and_bear(leg, np.array([a, 0.0, above])) for a, above in shifts]
         terms = np.prod(np.array(shifts)[:, None] ** np.array(POWERS), axis=2)
-        solution, *_ = np.linalg.lstsq(terms, np.array(offsets), rcond=None)
-        reach += solution.round(4).tolist()
+        for values, rows in zip(zip(*both, strict=True), (reach, bear), strict=True):
+            solution, *_ = np.linalg.lstsq(terms, np.array(values), rcond=None)
+            rows += solution.round(4).tolist()
         heights.append(height)
         lengths.append(length)
         lifts.append(stance.lift_m(leg, np.array(swing)))
@@ -64,4 +75,8 @@ def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
         clearance_m=CLEARANCE_M,
         leg_m=(float(np.mean(heights)), LENGTHS[0] * length, LENGTHS[1] * length),
         reach_rad=tuple(tuple(row) for row in reach),
+        bear_rad=() if robot.leans else tuple(tuple(row) for row in bear),
+        lean=1.0 if robot.leans else 0.0,
+        crouch_m=0.0 if robot.leans else CROUCH_M,
+        sole_m=round(float(np.mean(soles)), 3) if soles else 0.0,
     )
