@@ -17,8 +17,9 @@ from ...formats.mcap.facts import episode_to_json
 from ...wayfinding.distance import AGENT_RADIUS_M, distance_field
 from ...wayfinding.planning import floor_z, simplify_path
 from ..controllers import Decision
+from ..replay.checkpoint import Checkpoint, checkpoint, rewind
 from ..replay.config import ReplayConfig
-from ..replay.episode_run import Checkpoint, EpisodeRun
+from ..replay.episode_run import EpisodeRun
 from ..replay.replay import warnings_logged
 from ..replay.world import World
 from .controls import ActionChooser, ActionControl, Controls, VelocityControl, WaitingError
@@ -70,7 +71,7 @@ class Drive:
         self._path, self._header = path, header
         self._journal: Journal | None = None
         self.run.on_decision = self._decided
-        self._first = self.run.checkpoint()
+        self._first = checkpoint(self.run)
         self._checkpoints: list[Checkpoint] = []
         if recording is not None:
             self._catch_up(recording, path)
@@ -99,7 +100,7 @@ class Drive:
         if self.end is None and tick % _EVERY == 0 and not self.run.ending.begun:
             if not self.controls.recorded:
                 self._written.state(tick, state_digest(self.run.world))
-            self._checkpoints.append(self.run.checkpoint())
+            self._checkpoints.append(checkpoint(self.run))
             del self._checkpoints[:-_MOST_CHECKPOINTS]
         return True
 
@@ -113,7 +114,7 @@ class Drive:
         back = self._checkpoints[-1] if self._checkpoints else self._first
         self._written.undo(tick, back.tick)
         self.controls.release()
-        self.run.rewind(back)
+        rewind(self.run, back)
         self._written.state(back.tick, state_digest(world))
         self.end = None
 

@@ -2,17 +2,14 @@
 
 import math
 from collections.abc import Callable
-from copy import copy, deepcopy
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from hashlib import sha256
-from typing import Any, cast
+from typing import cast
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ...formats.core.episode import Episode
-from ...formats.core.errors import InputError
 from ...formats.core.rollout import (
     REST_EVENT,
     STATE_RATE_HZ,
@@ -24,7 +21,6 @@ from ...formats.core.rollout import (
 )
 from ...wayfinding.storeys import ground_of
 from ..controllers import (
-    CONTROLLERS,
     STOPPED,
     Chooser,
     Coasting,
@@ -33,45 +29,21 @@ from ..controllers import (
     Pose,
     Task,
     Teleporter,
-    controller_for,
 )
 from ..physics.joined_floor import STOREY_M
 from ..physics.outcome import OutcomeWatch
 from ..robots import POLICY_DECIMATION, TIMESTEP_S
 from .config import ReplayConfig
 from .ending import Ending
+from .jumps import STEPS_PER_SAMPLE, place_along
 from .metrics import rollout_metrics
 from .recorder import Recorder
-from .rollout_facts import expert_labels, provenance
-from .tasks import task_of
+from .rollout_facts import expert_labels, provenance, state_in_words
+from .tasks import entry_of, task_of
 from .world import World
 
 TILT_EVENT = "tilt"  # kind of the first posture on stairs that were a fall on level ground
-STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 SAMPLES_PER_POLICY = POLICY_DECIMATION // STEPS_PER_SAMPLE
-
-
-@dataclass(frozen=True)
-class Checkpoint:
-    """An episode at one of its policy steps, before it began to end; see `EpisodeRun.rewind`.
-
-    Attributes:
-        tick: samples since the start.
-        data: a copy of the simulation.
-        gait: copies of the gait's memory.
-        controller: a copy, which shares the task and what commands it.
-        trace: poses that stuck is judged over.
-        counts: numbers of samples, events, actions and motions.
-    """
-
-    tick: int
-    data: mujoco.MjData
-    gait: tuple[NDArray[Any], ...]
-    controller: Controller
-    command: tuple[float, float, float]
-    trace: tuple[tuple[float, float, float], ...]
-    counts: tuple[int, int, int, int]
-    touched: dict[str, int]
 
 
 class EpisodeRun:
@@ -80,6 +52,7 @@ class EpisodeRun:
     Attributes:
         tick: samples since the start; the time is `tick / STATE_RATE_HZ`.
         command: the one in force.
+        touched: tick of the last contact of each part that touched an obstacle.
         on_decision: called with the tick and each decision of the controller, before the robot
             obeys.
     """
@@ -100,17 +73,7 @@ class EpisodeRun:
         """
         self.world, self.episode, self.config = world, episode, config
         self.choose, self.control = choose, control
-        self.entry = controller_for(world.robot, config.controller)
-        if choose is not None and not self.entry.discrete:
-            valid = ", ".join(name for name, entry in CONTROLLERS.items() if entry.discrete)
-            raise InputError(
-                f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
-            )
-        if control is not None and self.entry.teleports:
-            valid = ", ".join(name for name, entry in CONTROLLERS.items() if not entry.teleports)
-            raise InputError(
-                f"controller {config.controller!r} takes no velocities or waypoints; valid: {valid}"
-            )
+        self.entry = entry_of(world, config, bool(choose), bool(control))
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(
@@ -120,7 +83,7 @@ class EpisodeRun:
         self.actions: list[tuple[Action, int]] = []
         self.motions = 0  # continuous ones that a policy chose
         self.facts: dict[str, object] = {}
-        self._touched: dict[str, int] = {}
+        self.touched: dict[str, int] = {}
         self.ending = Ending(self.watch, config)
         self.tick, self.command = 0, STOPPED
         self.on_decision: Callable[[int, Decision], None] | None = None
@@ -156,7 +119,7 @@ class EpisodeRun:
         stuck_in = self.world.in_collision()
         if stuck_in:
             self.recorder.sample(STOPPED)
-            self._note("collision_start", ", ".join(sorted(stuck_in)))
+            self.note("collision_start", ", ".join(sorted(stuck_in)))
             return EndReason.COLLISION_START
         driver = (
             self.entry.build(task, self.controller_config)
@@ -164,7 +127,7 @@ class EpisodeRun:
             else self.control(task)
         )
         if self.entry.teleports:
-            return self._jump(cast(Teleporter, driver))
+            return place_along(self, cast(Teleporter, driver))
         # Kept only if physics diverges while settling: a rollout has at least one sample.
         self.recorder.sample(STOPPED)
         if not self._settle():
@@ -224,7 +187,7 @@ class EpisodeRun:
             last_s = ending.rest_end / STATE_RATE_HZ
             self.events = [event for event in self.events if event.time_s <= last_s]
             self.events.append(Event(ending.rest_tick / STATE_RATE_HZ, REST_EVENT, ""))
-        return self._stop()
+        return self.stopped()
 
     def _decide(self) -> EndReason | None:
         """Let the controller decide; return a timeout, or None."""
@@ -233,7 +196,7 @@ class EpisodeRun:
             self.on_decision(self.tick, decision)
         self.command = self.world.paced(decision.command)
         for kind, detail in decision.notes:
-            self._note(kind, detail)
+            self.note(kind, detail)
         if decision.action is not None:
             self.actions.append((decision.action, self.tick))
         self.motions += decision.chosen
@@ -241,10 +204,10 @@ class EpisodeRun:
             self.watch.acted()
         if decision.done:
             self.command = STOPPED
-            self._note("stop", "")
+            self.note("stop", "")
             self.ending.stop(self.tick)
         elif self.tick >= self._limit or self._choices > self.config.outcome.timeout_actions:
-            self._note("timeout", f"{self.tick / STATE_RATE_HZ:.1f} s")
+            self.note("timeout", f"{self.tick / STATE_RATE_HZ:.1f} s")
             return EndReason.TIMEOUT
         return None
 
@@ -257,62 +220,27 @@ class EpisodeRun:
         self._watch_contacts(self.tick)
         verdict = None if ending.fallen else self.watch.check()
         if self.watch.tilt and not any(event.kind == TILT_EVENT for event in self.events):
-            self._note(TILT_EVENT, self.watch.tilt)
+            self.note(TILT_EVENT, self.watch.tilt)
         self.watch.tilt = ""
         if verdict is None:
             ending.look(self.tick)
             return None
         reason, detail = verdict
         if reason is EndReason.FALL:
-            self._note(reason.value, detail)
+            self.note(reason.value, detail)
             self.command = STOPPED
             ending.fall(self.tick)
         elif not ending.begun:
-            self._note(reason.value, detail)
+            self.note(reason.value, detail)
             return reason
         return None
-
-    def checkpoint(self) -> Checkpoint:
-        """Return a copy of the state between two policy steps, before the episode begins to end."""
-        world = self.world
-        return Checkpoint(
-            tick=self.tick,
-            data=copy(world.data),
-            gait=tuple(array.copy() for array in world.gait.memory),
-            controller=self._copied(self.controller),
-            command=self.command,
-            trace=self.watch.trace,
-            counts=(len(self.recorder), len(self.events), len(self.actions), self.motions),
-            touched=dict(self._touched),
-        )
-
-    def rewind(self, to: Checkpoint) -> None:
-        """Go back to a checkpoint of this run; the same decisions then give the same bits."""
-        world = self.world
-        mujoco.mj_copyData(world.data, world.model, to.data)
-        for array, kept in zip(world.gait.memory, to.gait, strict=True):
-            array[:] = kept
-        self.tick, self.command = to.tick, to.command
-        self.controller, self.watch.trace = self._copied(to.controller), to.trace
-        samples, events, actions, self.motions = to.counts
-        self.recorder.drop_after(samples)
-        del self.events[events:], self.actions[actions:]
-        self._touched = dict(to.touched)
-        self.ending = Ending(self.watch, self.config)
-        self.facts.pop("diverged_state", None)
-
-    def _copied(self, controller: Controller) -> Controller:
-        tasks = (self.task, *self.task.legs)
-        shared = (*tasks, *(v for task in tasks for v in vars(task).values()))
-        shared = (*shared, getattr(controller, "source", None))
-        return deepcopy(controller, {id(value): value for value in shared})
 
     @property
     def _choices(self) -> int:
         """Number of actions or motions so far."""
         return len(self.actions) + self.motions
 
-    def _stop(self) -> EndReason:
+    def stopped(self) -> EndReason:
         """Return whether a stop here is a success."""
         pose = self.world.pose
         x, y, z = self.episode.goal_position_world_m.tolist()
@@ -321,38 +249,15 @@ class EpisodeRun:
             near &= abs(self.world.foot_z_m - z) < STOREY_M
         return EndReason.SUCCESS if near else EndReason.STOPPED_FAR
 
-    def _jump(self, teleporter: Teleporter) -> EndReason:
-        """Place the robot pose by pose; there is no physics in between."""
-        world, config = self.world, self.config
-        flash = config.flash
-        hold = flash.steps_per_action // STEPS_PER_SAMPLE
-        pose = world.pose
-        for _ in range(config.outcome.timeout_actions + 1):
-            jump = teleporter.jump(pose)
-            for note in self.task.chooser.notes() if self.task.chooser else ():
-                self._note(*note)
-            self.actions.append((jump.action, len(self.recorder)))
-            self.recorder.sample(STOPPED)
-            self.recorder.repeat(hold - 1)
-            if jump.action is Action.STOP:
-                return self._stop()
-            world.spawn(jump.pose, near_z_m=world.foot_z_m)
-            inside = world.in_collision()
-            if inside:
-                self._note("collision_target", ", ".join(sorted(inside)))
-                if flash.refuse_collisions:
-                    return EndReason.STUCK
-            pose = jump.pose
-        return EndReason.TIMEOUT
-
     def _watch_contacts(self, tick: int) -> None:
         """Note when a part of the robot begins to touch an obstacle, not while it goes on."""
         for part in sorted(self.world.touched_parts()):
-            if tick - self._touched.get(part, -STATE_RATE_HZ) > 0.2 * STATE_RATE_HZ:
-                self._note("contact", part)
-            self._touched[part] = tick
+            if tick - self.touched.get(part, -STATE_RATE_HZ) > 0.2 * STATE_RATE_HZ:
+                self.note("contact", part)
+            self.touched[part] = tick
 
-    def _note(self, kind: str, detail: str) -> None:
+    def note(self, kind: str, detail: str) -> None:
+        """Add an event at the present sample."""
         self.events.append(Event(len(self.recorder) / STATE_RATE_HZ, kind, detail))
 
     def _diverged(self) -> bool:
@@ -360,14 +265,8 @@ class EpisodeRun:
         what = self.watch.diverged()
         if what is None:
             return False
-        self._note(EndReason.DIVERGED.value, what)
-        data = self.world.data
-        # JSON knows no NaN, so numbers go as text.
-        self.facts["diverged_state"] = {
-            "qpos": [repr(v) for v in data.qpos.tolist()],
-            "qvel": [repr(v) for v in data.qvel.tolist()],
-            "ctrl": [repr(v) for v in data.ctrl.tolist()],
-        }
+        self.note(EndReason.DIVERGED.value, what)
+        self.facts["diverged_state"] = state_in_words(self.world.data)
         return True
 
     def finish(self, end: EndReason) -> Rollout:

@@ -52,3 +52,10 @@ def provenance(world: World, config: ReplayConfig, *, teleports: bool) -> dict[s
         "floor": floor.name.removeprefix("mjGEOM_").lower(),
         "obstacle_boxes": world.obstacles,
     }
+
+
+def state_in_words(data: mujoco.MjData) -> dict[str, list[str]]:
+    """Return a simulation's state with its numbers as text: JSON knows no NaN."""
+    return {
+        name: [repr(v) for v in getattr(data, name).tolist()] for name in ("qpos", "qvel", "ctrl")
+    }

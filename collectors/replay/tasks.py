@@ -3,10 +3,32 @@
 from dataclasses import replace
 
 from ...formats.core.episode import Episode
+from ...formats.core.errors import InputError
 from ...wayfinding.legs import legs_of
-from ..controllers import Coasting, Task
+from ..controllers import CONTROLLERS, Coasting, Task, controller_for
+from ..controllers.registry import ControllerEntry
 from .config import ReplayConfig
 from .world import World
+
+
+def entry_of(world: World, config: ReplayConfig, chooses: bool, controls: bool) -> ControllerEntry:
+    """Return the controller's entry, for a caller that chooses actions, or that commands.
+
+    Raises:
+        InputError: the controller does not take that.
+    """
+    entry = controller_for(world.robot, config.controller)
+    if chooses and not entry.discrete:
+        valid = ", ".join(name for name, other in CONTROLLERS.items() if other.discrete)
+        raise InputError(
+            f"controller {config.controller!r} takes no discrete actions; valid: {valid}"
+        )
+    if controls and entry.teleports:
+        valid = ", ".join(name for name, other in CONTROLLERS.items() if not other.teleports)
+        raise InputError(
+            f"controller {config.controller!r} takes no velocities or waypoints; valid: {valid}"
+        )
+    return entry
 
 
 def task_of(world: World, episode: Episode, config: ReplayConfig, coasting: Coasting) -> Task:

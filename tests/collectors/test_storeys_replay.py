@@ -9,6 +9,7 @@ import pytest
 from tests.support.scenes.storeys import FOOT_X, HEAD_X, write_two_storeys
 from vlnpe.collectors.controllers import PACE_M_S
 from vlnpe.collectors.physics.outcome import OutcomeConfig, OutcomeWatch
+from vlnpe.collectors.replay.checkpoint import checkpoint, rewind
 from vlnpe.collectors.replay.config import ReplayConfig
 from vlnpe.collectors.replay.episode_run import TILT_EVENT, EpisodeRun
 from vlnpe.collectors.replay.replay import replay_in
@@ -87,13 +88,13 @@ def test_a_walk_goes_on_from_a_checkpoint_on_the_flight(building: SceneBundle):
     assert run.begin() is None
     while world.pose.x_m < FOOT_X + 0.5:
         assert run.advance() is None
-    before = run.checkpoint()
+    before = checkpoint(run)
     states = []
     for _ in range(2):
         for _ in range(60):
             assert run.advance() is None
         states.append((world.data.qpos.copy(), run.command))
-        run.rewind(before)
+        rewind(run, before)
     np.testing.assert_array_equal(states[0][0], states[1][0])
     assert states[0][1] == states[1][1]
 

@@ -1,0 +1,39 @@
+"""Episodes of a robot that is placed pose by pose; there is no physics in between."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ...formats.core.rollout import STATE_RATE_HZ, Action, EndReason
+from ..controllers import STOPPED, Teleporter
+from ..robots import TIMESTEP_S
+
+if TYPE_CHECKING:
+    from .episode_run import EpisodeRun
+
+STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
+
+
+def place_along(run: EpisodeRun, teleporter: Teleporter) -> EndReason:
+    """Do a whole episode; return why it ended."""
+    world, config = run.world, run.config
+    flash = config.flash
+    hold = flash.steps_per_action // STEPS_PER_SAMPLE
+    pose = world.pose
+    for _ in range(config.outcome.timeout_actions + 1):
+        jump = teleporter.jump(pose)
+        for note in run.task.chooser.notes() if run.task.chooser else ():
+            run.note(*note)
+        run.actions.append((jump.action, len(run.recorder)))
+        run.recorder.sample(STOPPED)
+        run.recorder.repeat(hold - 1)
+        if jump.action is Action.STOP:
+            return run.stopped()
+        world.spawn(jump.pose, near_z_m=world.foot_z_m)
+        inside = world.in_collision()
+        if inside:
+            run.note("collision_target", ", ".join(sorted(inside)))
+            if flash.refuse_collisions:
+                return EndReason.STUCK
+        pose = jump.pose
+    return EndReason.TIMEOUT
