@@ -13,8 +13,12 @@ from ..core.errors import FileFormatError
 from ..lerobot.layout import DEPTH_KEY
 from ..lerobot.units.rows import stores_images
 from ..lerobot.units.unit import EpisodeUnit
-from ..mcap.depth_images import ANY_NEAR_M, MILLIMETRES, decode_depth
-from ..video.depth_codes import codes_to_depth, decode_depth_tiff
+from ..video.depth_codes import (
+    ANY_NEAR_M,
+    codes_to_depth,
+    decode_depth_tiff,
+    millimetres_to_codes,
+)
 from ..video.mp4 import write_depth_video
 
 
@@ -46,8 +50,7 @@ def depth_video(unit: EpisodeUnit) -> Iterator[Path]:
 def _image_codes(unit: EpisodeUnit, depth_range: DepthRange) -> Iterator[NDArray[np.uint16]]:
     for number, image in enumerate(unit.rows()[DEPTH_KEY].to_pylist()):
         try:
-            millimetres = decode_depth_tiff(image["bytes"])
-            codes = decode_depth(millimetres.astype("<u2").tobytes(), MILLIMETRES, depth_range)
+            codes = millimetres_to_codes(decode_depth_tiff(image["bytes"]), depth_range)
         except (TypeError, ValueError) as error:
             raise FileFormatError(unit.folder, f"depth image {number}: {error}") from error
-        yield codes.reshape(millimetres.shape)
+        yield codes

@@ -63,7 +63,9 @@ def camera_messages(
     pictures = zip(
         times,
         iterate_bitstream(view.rgb_video),
-        iterate_depth_codes(view.depth_video) if depth_codes is None else depth_codes,
+        iterate_depth_codes(view.depth_video, view.depth_range)
+        if depth_codes is None
+        else depth_codes,
         strict=True,
     )
     for i, (time_s, colour, codes) in enumerate(pictures):

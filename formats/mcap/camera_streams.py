@@ -11,11 +11,11 @@ from mcap.records import Schema
 from ..core.camera import DepthRange
 from ..core.errors import FileFormatError, UnknownNameError
 from ..rendered.folder import video_name
-from ..video.depth_codes import codes_to_depth
+from ..video.depth_codes import ANY_NEAR_M, codes_to_depth
 from ..video.mp4 import write_depth_video
 from ..video.mux import write_bitstream
 from .camera import DEPTH_TOPIC, RGB_TOPIC
-from .depth_images import ANY_NEAR_M, decode_depth
+from .depth_images import decode_depth
 from .recording import Contents
 
 

@@ -8,16 +8,20 @@ import functools
 
 import numpy as np
 
-from ..core.arrays import I32, U16
+from ..core.arrays import U16
 from ..core.camera import DepthRange
-from ..video.depth_codes import MAX_CODE, MAX_MILLIMETRES_M, codes_to_depth, codes_to_millimetres
+from ..video.depth_codes import (
+    MAX_CODE,
+    MAX_MILLIMETRES_M,
+    NO_CODE,
+    codes_to_depth,
+    codes_to_millimetres,
+    millimetres_to_codes,
+)
 
 MILLIMETRES, METRES = "16UC1", "32FC1"
 _BYTES = {MILLIMETRES: 2, METRES: 4}
 _CODES = np.arange(MAX_CODE + 1, dtype=np.uint16)
-NO_CODE = -1
-# For writing depths again that a video gave: rounding may have put some below its near limit.
-ANY_NEAR_M = 1e-6
 
 
 @functools.cache
@@ -48,8 +52,8 @@ def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> U16:
         ValueError: another encoding, or a depth that no code of the range stands for.
     """
     if encoding == MILLIMETRES:
-        codes = _codes_of_millimetres(depth_range)[np.frombuffer(data, "<u2")]
-    elif encoding == METRES:
+        return millimetres_to_codes(np.frombuffer(data, "<u2"), depth_range)
+    if encoding == METRES:
         table, depth = codes_to_depth(_CODES, depth_range), np.frombuffer(data, "<f4")
         codes = np.searchsorted(table, depth).clip(0, MAX_CODE).astype(np.int32)
         codes[table[codes] != depth] = NO_CODE
@@ -58,10 +62,3 @@ def decode_depth(data: bytes, encoding: str, depth_range: DepthRange) -> U16:
     if np.any(codes == NO_CODE):
         raise ValueError(f"depths that a video of 0 to {depth_range.far_m} m cannot hold")
     return codes.astype(np.uint16)
-
-
-@functools.cache
-def _codes_of_millimetres(depth_range: DepthRange) -> I32:
-    table = np.full(1 << 16, NO_CODE, dtype=np.int32)
-    table[codes_to_millimetres(_CODES, depth_range)] = _CODES
-    return table

@@ -1,6 +1,6 @@
 """A rendered view of one rollout on disk: two videos, poses, facts.
 
-rgb.mp4, depth.mp4   see `video`
+rgb.mp4, depth.mp4   see `video`; depth is depth.mov where datasets are to store images
 frames.npz           sample_index (N,), time_s (N,), camera_position_world_m (N, 3) and
                      camera_quat_wxyz (N, 4) of the optical frame; rgb_counts (3, 256) and
                      depth_counts (4096,), see `image_counts`

@@ -176,7 +176,7 @@ def _images(bag: Bag, rollout: Rollout, view: FrameFolder, moved: Topic) -> Iter
     pictures = zip(
         rollout.time_s[view.arrays["sample_index"]],
         iterate_rgb_video(view.rgb_video),
-        iterate_depth_codes(view.depth_video),
+        iterate_depth_codes(view.depth_video, view.depth_range),
         strict=True,
     )
     for i, (time_s, image, codes) in enumerate(pictures):

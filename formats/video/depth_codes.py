@@ -14,13 +14,17 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core.arrays import F32, U16
+from ..core.arrays import F32, I32, U16
 from ..core.camera import DepthRange
 
 DEPTH_PIXEL_FORMAT = "gray12le"
+MILLIMETRE_PIXEL_FORMAT = "gray16le"  # of a video of `depth_images`
 MAX_CODE = 4095
 SHIFT_M = 3.5
 MAX_MILLIMETRES_M = 65.535
+NO_CODE = -1
+# For writing depths again that a video gave: rounding may have put some below its near limit.
+ANY_NEAR_M = 1e-6
 
 
 def depth_to_codes(depth_m: ArrayLike, depth_range: DepthRange) -> U16:
@@ -62,6 +66,26 @@ def codes_to_millimetres(codes: U16, depth_range: DepthRange) -> U16:
         ValueError: the range does not fit into 16 bits.
     """
     return _millimetre_table(depth_range)[codes]
+
+
+def millimetres_to_codes(millimetres: U16, depth_range: DepthRange) -> U16:
+    """Return the codes (...) of what `codes_to_millimetres` made of them.
+
+    Raises:
+        ValueError: a depth that no code of the range stands for.
+    """
+    codes = _codes_of_millimetres(depth_range)[millimetres]
+    if np.any(codes == NO_CODE):
+        raise ValueError(f"depths that a video of 0 to {depth_range.far_m} m cannot hold")
+    return codes.astype(np.uint16)
+
+
+@functools.cache
+def _codes_of_millimetres(depth_range: DepthRange) -> I32:
+    table = np.full(1 << 16, NO_CODE, dtype=np.int32)
+    codes = np.arange(MAX_CODE + 1, dtype=np.uint16)
+    table[codes_to_millimetres(codes, depth_range)] = codes
+    return table
 
 
 @functools.cache

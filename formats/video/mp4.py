@@ -23,7 +23,13 @@ from ..core.camera import DepthRange
 from ..core.errors import FileFormatError
 from ..rendered.image_counts import add_depth_codes, add_rgb
 from .codecs import DEPTH_CODEC, RGB_CODECS, VideoCodec, check_rgb_codec
-from .depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth, depth_to_codes
+from .depth_codes import (
+    DEPTH_PIXEL_FORMAT,
+    MILLIMETRE_PIXEL_FORMAT,
+    codes_to_depth,
+    depth_to_codes,
+    millimetres_to_codes,
+)
 from .scheduling import ordinary_threads
 from .stream import decode_frames
 
@@ -124,18 +130,31 @@ def iterate_rgb_video(path: Path) -> Iterator[U8]:
 
 def iterate_depth_video(path: Path, depth_range: DepthRange) -> Iterator[F32]:
     """Decode a depth video of a range to images, each (H, W) float32 [m], 0 = invalid."""
-    for codes in iterate_depth_codes(path):
+    for codes in iterate_depth_codes(path, depth_range):
         yield codes_to_depth(codes, depth_range)
 
 
-def iterate_depth_codes(path: Path) -> Iterator[U16]:
+def iterate_depth_codes(path: Path, depth_range: DepthRange) -> Iterator[U16]:
     """Decode a depth video frame by frame to its codes, each (H, W) uint16; see `depth_codes`."""
-    for frame in decode_frames(path):
-        if frame.format.name != DEPTH_PIXEL_FORMAT:
-            raise FileFormatError(
-                path, f"pixel format {frame.format.name}, a depth video has {DEPTH_PIXEL_FORMAT}"
-            )
-        yield cast(U16, frame.to_ndarray(format=DEPTH_PIXEL_FORMAT))
+    return (codes_of_frame(path, frame, depth_range) for frame in decode_frames(path))
+
+
+def codes_of_frame(path: Path, frame: av.VideoFrame, depth_range: DepthRange) -> U16:
+    """Return the codes (H, W) uint16 of a frame of a depth video: they, or whole millimetres.
+
+    Raises:
+        FileFormatError: the video holds neither.
+    """
+    name = frame.format.name
+    if name == DEPTH_PIXEL_FORMAT:
+        return cast(U16, frame.to_ndarray(format=name))
+    if name != MILLIMETRE_PIXEL_FORMAT:
+        valid = f"{DEPTH_PIXEL_FORMAT} or {MILLIMETRE_PIXEL_FORMAT}"
+        raise FileFormatError(path, f"pixel format {name}, a depth video has {valid}")
+    try:
+        return millimetres_to_codes(cast(U16, frame.to_ndarray(format=name)), depth_range)
+    except ValueError as error:
+        raise FileFormatError(path, str(error)) from error
 
 
 def read_rgb_video(path: Path) -> U8:

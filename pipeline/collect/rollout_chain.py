@@ -215,6 +215,7 @@ def _renders(
         folder.root,
         product.rgb_codec,
         product.extras,
+        product.depth_storage,
     )
 
 

@@ -17,6 +17,8 @@ from ...formats.core.rollout import Rollout
 from ...formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from ...formats.scene.bundle import SceneBundle
 from ...formats.video.codecs import DEPTH_CODEC, RGB_CODECS
+from ...formats.video.depth_codes import MILLIMETRE_PIXEL_FORMAT
+from ...formats.video.depth_images import CODEC, write_depth_images
 from ...formats.video.mp4 import write_depth_video, write_rgb_video
 from ..frame import Frame
 from ..interface import Renderer
@@ -24,7 +26,11 @@ from .extras import Extras, write_extras
 from .rollout_frames import Picture, RolloutFrames
 from .views import View
 
-DEPTH_VIDEO = "depth.mp4"
+# What writes depth by how datasets store it, and into what: see `formats/video`.
+DEPTH_WRITERS = {
+    "video": ("depth.mp4", write_depth_video, DEPTH_CODEC.canonical, DEPTH_CODEC.pixel_format),
+    "image": ("depth.mov", write_depth_images, CODEC, MILLIMETRE_PIXEL_FORMAT),
+}
 
 
 def render_rollout(
@@ -39,15 +45,16 @@ def render_rollout(
     codec: str = "h264",
     robot: RobotSpec | None = None,
     extras: Extras | None = None,
+    depth_storage: str = "video",
     on_depth: Callable[[U16], None] | None = None,
 ) -> int:
     """Render a rollout into `out_dir`; return the number of frames.
 
-    Writes `rgb.mp4`, `depth.mp4` (12-bit codes, see `formats/video/depth_codes.py`), `frames.npz`
-    (`sample_index` (N,), `time_s` (N,), `camera_position_world_m` (N, 3) and `camera_quat_wxyz`
-    (N, 4) of the optical frame, and histograms of the values, see
-    `formats/rendered/image_counts.py`) and `meta.json`. Memory does not grow with the rollout's
-    length.
+    Writes `rgb.mp4`, depth (`depth.mp4` of 12-bit codes, see `formats/video/depth_codes.py`, or
+    `depth.mov` of images of whole millimetres), `frames.npz` (`sample_index` (N,), `time_s` (N,),
+    `camera_position_world_m` (N, 3) and `camera_quat_wxyz` (N, 4) of the optical frame, and
+    histograms of the values, see `formats/rendered/image_counts.py`) and `meta.json`. Memory does
+    not grow with the rollout's length.
 
     Args:
         bundle: the scene the renderer was built for.
@@ -58,6 +65,7 @@ def render_rollout(
         codec: key of `formats.video.RGB_CODECS`.
         robot: robot of the rollout; None = the registry's robot of that name.
         extras: optional videos, default none.
+        depth_storage: key of `DEPTH_WRITERS`.
         on_depth: called with the depth codes (H, W) of each frame as they are encoded.
 
     Raises:
@@ -85,6 +93,7 @@ def render_rollout(
         codec,
         rgb_counts=rgb_counts,
         depth_counts=depth_counts,
+        depth_storage=depth_storage,
         on_depth=on_depth,
     )
     with atomic_file(out_dir / "frames.npz") as temporary:
@@ -97,6 +106,7 @@ def render_rollout(
             rgb_counts=rgb_counts,
             depth_counts=depth_counts,
         )
+    depth_file, _, depth_codec, pixel_format = DEPTH_WRITERS[depth_storage]
     facts: dict[str, object] = {
         "scene_id": bundle.scene_id,
         "episode_id": rollout.episode.episode_id,
@@ -114,9 +124,9 @@ def render_rollout(
             "meaning": "planar z in metres, 0 = invalid",
             "near_m": limits.near_m,
             "far_m": limits.far_m,
-            "file": DEPTH_VIDEO,
-            "codec": DEPTH_CODEC.canonical,
-            "pixel_format": DEPTH_CODEC.pixel_format,
+            "file": depth_file,
+            "codec": depth_codec,
+            "pixel_format": pixel_format,
         },
         "rgb": {"file": "rgb.mp4", "codec": codec},
     }
@@ -133,9 +143,11 @@ def _write_videos(
     *,
     rgb_counts: I64,
     depth_counts: I64,
+    depth_storage: str,
     on_depth: Callable[[U16], None] | None = None,
 ) -> int:
     """Encode both videos in one pass over `frames`, depth in a thread beside RGB."""
+    depth_file, write_depth, *_ = DEPTH_WRITERS[depth_storage]
     waiting: queue.Queue[F32 | BaseException | None] = queue.Queue(maxsize=4)
 
     def depth_frames() -> Iterator[F32]:
@@ -151,8 +163,8 @@ def _write_videos(
 
     with ThreadPoolExecutor(max_workers=1, thread_name_prefix="depth") as pool:
         depth_writer = pool.submit(
-            write_depth_video,
-            folder / DEPTH_VIDEO,
+            write_depth,
+            folder / depth_file,
             depth_frames(),
             frames_per_second,
             depth_range,

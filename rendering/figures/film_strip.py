@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from ...collectors.robots import RobotSpec
 from ...formats.core.rollout import Rollout
 from ...formats.rendered.folder import FrameFolder
-from ...formats.video.depth_codes import DEPTH_PIXEL_FORMAT, codes_to_depth
+from ...formats.video.depth_codes import codes_to_depth
 from ...formats.video.depth_picture import depth_picture, depth_scale
+from ...formats.video.mp4 import codes_of_frame
 from ...formats.video.stream import pick_frames
 from ..camera.rollout_views import RolloutFrames
 from ..camera.views import chase_view
@@ -60,7 +61,7 @@ def film_strip(
     for tile, number in zip(colours, numbers, strict=True):
         stamp(tile, f"{rollout.time_s[samples[number]]:.1f} s")
     codes = (
-        _tile(np.asarray(frame.to_ndarray(format=DEPTH_PIXEL_FORMAT), np.uint16), tile_px)
+        _tile(codes_of_frame(frames.depth_video, frame, frames.depth_range), tile_px)
         for frame in pick_frames(frames.depth_video, numbers)
     )
     depths = [codes_to_depth(code, frames.depth_range) for code in codes]

@@ -38,7 +38,7 @@ def test_kept_depth_is_what_decoding_gives(tmp_path):
     video = video.rename(folder / "depth.mp4")  # as an atomic folder is
     kept = keeper.of(video)
     assert kept is not None
-    assert np.array_equal(np.stack(kept), np.stack(list(iterate_depth_codes(video))))
+    assert np.array_equal(np.stack(kept), np.stack(list(iterate_depth_codes(video, DepthRange()))))
 
 
 def test_depth_of_a_replaced_video_is_not_used(tmp_path):
@@ -53,7 +53,7 @@ def test_a_render_job_leaves_its_depth_to_the_mcap_job_of_its_chain(tmp_path):
     path, keeper = tmp_path / "x", DepthKeeper()
     view = View("ego", CameraModel("ego", 8, 8, 90.0))
     robot = get_robot("aliengo")
-    render = RenderJob(path, path, "x", robot, view, 4, "h264", Extras(), path)
+    render = RenderJob(path, path, "x", robot, view, 4, "h264", Extras(), "video", path)
     mcap = McapJob(path, path, path, robot, "x", (), "video", path, "", path)
     items = [WorkItem("x", "x", (path,), job) for job in (render, mcap)]
     jobs: list[Any] = [sharing(item, keeper).job for item in items]

@@ -289,20 +289,23 @@ def test_a_failure_leaves_no_half_video(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("storage", sorted(rollout_views.DEPTH_WRITERS))
 def test_a_depth_encoder_that_fails_ends_the_rendering(
     two_rooms: SceneBundle,
     renderer: Renderer,
     rollout: Rollout,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    storage: str,
 ) -> None:
     def full_disk(*_: object) -> int:
         raise OSError("no space left on device")
 
-    monkeypatch.setattr(rollout_views, "write_depth_video", full_disk)
+    file, _, *facts = rollout_views.DEPTH_WRITERS[storage]
+    monkeypatch.setitem(rollout_views.DEPTH_WRITERS, storage, (file, full_disk, *facts))
     view = make_view("ego", "aliengo", width_px=64, height_px=48)
     with pytest.raises(OSError, match="no space left"):
-        render_rollout(two_rooms, renderer, rollout, view, tmp_path)
+        render_rollout(two_rooms, renderer, rollout, view, tmp_path, depth_storage=storage)
     assert list(tmp_path.iterdir()) == []
 
 

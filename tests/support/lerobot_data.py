@@ -18,6 +18,7 @@ from vlnpe.formats.rendered.image_counts import new_depth_counts, new_rgb_counts
 from vlnpe.formats.rendered.table import build_frame_table
 from vlnpe.formats.video.codecs import DEPTH_CODEC, RGB_CODECS
 from vlnpe.formats.video.depth_codes import codes_to_millimetres, depth_to_codes
+from vlnpe.formats.video.depth_images import write_depth_images
 from vlnpe.formats.video.mp4 import write_depth_video, write_rgb_video
 
 RGB, DEPTH = "observation.images.rgb", "observation.images.depth"
@@ -37,14 +38,19 @@ def write_unit(
     rgb_codec: str = "h264",
     camera_name: str = "front",
     hfov_deg: float = 90.0,
+    rendered_as: str = "video",
 ) -> Path:
     """Encode images and write the unit `root/unit-<number>`."""
     frames: dict[str, Any] = make_frames(rollout, frames_per_second)
     rgb, depth = images or make_images(len(frames["sample_index"]), number)
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
-    rgb_path, depth_path = root / f"rgb-{number}.mp4", root / f"depth-{number}.mp4"
+    suffix, write_depth = {
+        "video": ("mp4", write_depth_video),
+        "image": ("mov", write_depth_images),
+    }[rendered_as]
+    rgb_path, depth_path = root / f"rgb-{number}.mp4", root / f"depth-{number}.{suffix}"
     write_rgb_video(rgb_path, rgb, frames_per_second, rgb_codec, counts=rgb_counts)
-    write_depth_video(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
+    write_depth(depth_path, depth, frames_per_second, RANGE, counts=depth_counts)
     if counted:
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
     camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], hfov_deg)

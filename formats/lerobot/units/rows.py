@@ -8,7 +8,9 @@ import pyarrow as pa
 
 from ...core.camera import DepthRange
 from ...video.depth_codes import codes_to_millimetres, encode_depth_tiff
+from ...video.depth_images import CODEC, iterate_depth_files
 from ...video.mp4 import iterate_depth_codes
+from ...video.stream import probe_video
 from ..layout import DATASET_ROWS, DEPTH_KEY, IMAGE_TYPE, Features, row_schema
 
 
@@ -77,8 +79,12 @@ def with_depth_images(
     One at a time: only their encoded bytes are held.
     """
     schema = unit_schema(features)
-    images = (codes_to_millimetres(codes, depth_range) for codes in iterate_depth_codes(video))
-    data = pa.array([encode_depth_tiff(image) for image in images], pa.binary())
+    if probe_video(video).codec == CODEC:
+        files = iterate_depth_files(video)
+    else:
+        codes = iterate_depth_codes(video, depth_range)
+        files = (encode_depth_tiff(codes_to_millimetres(image, depth_range)) for image in codes)
+    data = pa.array(list(files), pa.binary())
     names = pa.array([f"frame-{number:06d}.tiff" for number in range(len(data))])
     images = pa.StructArray.from_arrays([data, names], fields=list(IMAGE_TYPE))
     table = rows.append_column(schema.field(DEPTH_KEY), images).select(schema.names)

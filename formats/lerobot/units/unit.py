@@ -10,8 +10,9 @@ Units are independent, so any number of processes may write them; a unit is whol
 
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import cast
 
@@ -28,12 +29,19 @@ from ...rendered.table import FrameTable, build_frame_table
 from ...untrusted.documents import read_json_object
 from ...untrusted.tables import read_table
 from ...video.depth_codes import (
+    ANY_NEAR_M,
     DEPTH_PIXEL_FORMAT,
     MAX_CODE,
     codes_to_depth,
     decode_depth_tiff,
 )
-from ...video.mp4 import iterate_depth_codes, iterate_rgb_video
+from ...video.depth_images import CODEC
+from ...video.mp4 import (
+    iterate_depth_codes,
+    iterate_depth_video,
+    iterate_rgb_video,
+    write_depth_video,
+)
 from ...video.stream import VideoFacts, pick_frames, probe_video
 from ..episode_columns import EPISODE_COLUMNS, LATER_COLUMNS, episode_columns
 from ..features import DEPTH_STORAGES, dataset_features
@@ -106,6 +114,12 @@ def write_episode_unit(
     table = build_frame_table(rollout, frames.arrays, rate)
     rgb = _checked_video(frames.rgb_video, table, frames.camera)
     depth = _checked_video(frames.depth_video, table, frames.camera)
+    if depth.codec == CODEC and depth_storage == "video":
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".vlnpe-tmp-") as temporary:
+            video, limits = Path(temporary) / "depth.mp4", DepthRange(ANY_NEAR_M, depth_range.far_m)
+            images = iterate_depth_video(frames.depth_video, depth_range)
+            write_depth_video(video, images, rate, limits)
+            return write_episode_unit(folder, rollout, replace(frames, depth_video=video))
     features = dataset_features(table, rgb, depth, frames.rgb_codec, depth_range, depth_storage)
     index = np.arange(len(table))
     columns = table.columns | {"timestamp": index / rate, "frame_index": index}
@@ -167,7 +181,7 @@ def _counts(frames: FrameFolder) -> tuple[I64, I64]:
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
     for image in iterate_rgb_video(frames.rgb_video):
         add_rgb(rgb_counts, image)
-    for codes in iterate_depth_codes(frames.depth_video):
+    for codes in iterate_depth_codes(frames.depth_video, frames.depth_range):
         add_depth_codes(depth_counts, codes)
     return rgb_counts, depth_counts
 

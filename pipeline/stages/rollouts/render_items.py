@@ -54,12 +54,14 @@ def items(
     base: Path,
     rgb_codec: str = "h264",
     extras: Extras | None = None,
+    depth_storage: str = "video",
 ) -> list[WorkItem]:
     """Return one item per rollout: a frame folder `<robot>/<controller>/<view>/<episode>`.
 
     Args:
         base: Folder of the ledger that will hold these items.
         extras: Further videos; none by default.
+        depth_storage: how datasets will store depth: video or image.
     """
     extras = extras or Extras()
     result = []
@@ -77,9 +79,11 @@ def items(
             frames_per_second,
             rgb_codec,
             extras,
+            depth_storage,
             out,
         )
         how = {"frames_per_second": frames_per_second, "rgb_codec": rgb_codec}
+        how |= {"depth_storage": depth_storage}
         inputs = (*take.made_of, view, extras)
         result.append(work_item(STAGE, take.name, job, (out,), *inputs, **how))
     return result

@@ -10,7 +10,7 @@ from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....formats.splats.store import has_splats
 from ....formats.vlnce.groups import per_instruction
 from ....rendering.camera.extras import Extras
-from ....rendering.camera.rollout_views import DEPTH_VIDEO, render_rollout
+from ....rendering.camera.rollout_views import DEPTH_WRITERS, render_rollout
 from ....rendering.camera.views import View
 from ....rendering.interface import Renderer
 from ....rendering.registry import make_renderer
@@ -24,6 +24,7 @@ class RenderJob:
 
     Attributes:
         relative: the same, relative to the folder of the ledger that records this item.
+        depth_storage: how datasets will store depth, key of `DEPTH_WRITERS`.
         depth: is left the depth codes.
     """
 
@@ -35,6 +36,7 @@ class RenderJob:
     frames_per_second: int
     rgb_codec: str
     extras: Extras
+    depth_storage: str
     out: Path
     depth: DepthKeeper = field(default_factory=DepthKeeper, compare=False)
 
@@ -53,9 +55,10 @@ class RenderJob:
                 codec=self.rgb_codec,
                 robot=self.robot,
                 extras=self.extras,
+                depth_storage=self.depth_storage,
                 on_depth=self.depth.add,
             )
-        self.depth.end(self.out / DEPTH_VIDEO)
+        self.depth.end(self.out / DEPTH_WRITERS[self.depth_storage][0])
         facts = {
             "frames": count,
             "rollout": self.relative,

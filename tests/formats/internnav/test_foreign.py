@@ -58,8 +58,10 @@ def test_theirs_becomes_units_with_what_is_known(layout: Path, tmp_path: Path) -
         )
         assert columns["episode_id"] == f"r2r-two-rooms-{number:06d}"
         _, depth = make_images(unit.length, number)
-        for image, codes in zip(depth, iterate_depth_codes(unit.video(DEPTH)), strict=True):
-            expected_codes = depth_to_codes(image, DepthRange(0.05, 10.0))
+        limits = DepthRange(0.05, 10.0)
+        decoded = iterate_depth_codes(unit.video(DEPTH), limits)
+        for image, codes in zip(depth, decoded, strict=True):
+            expected_codes = depth_to_codes(image, limits)
             np.testing.assert_allclose(codes, expected_codes, atol=3)
 
 

@@ -16,6 +16,7 @@ from tests.formats.internnav.layouts import (
 )
 from tests.support.lerobot_data import write_unit
 from tests.support.rollouts import make_images, make_rollout
+from vlnpe.formats.core.camera import DepthRange
 from vlnpe.formats.internnav.foreign import Assumptions
 from vlnpe.formats.internnav.layout import scene_name
 from vlnpe.formats.internnav.reader import find_scenes
@@ -131,8 +132,8 @@ def test_ours_comes_back_exactly_but_for_colour(
         assert (one.features, one.columns, one.task) == (two.features, two.columns, two.task)
         assert one.rows().equals(two.rows())
         codes = zip(
-            iterate_depth_codes(one.video(DEPTH)),
-            iterate_depth_codes(two.video(DEPTH)),
+            iterate_depth_codes(one.video(DEPTH), DepthRange()),
+            iterate_depth_codes(two.video(DEPTH), DepthRange()),
             strict=True,
         )
         assert all(np.array_equal(a, b) for a, b in codes)

@@ -28,6 +28,7 @@ from vlnpe.datasets.episode_reader import EpisodeReader
 from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.video.depth_codes import decode_depth_tiff, encode_depth_tiff
+from vlnpe.formats.video.depth_images import write_depth_images
 
 pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 1.5)
@@ -148,6 +149,25 @@ def test_depth_reads_back_the_same_from_images_and_videos(tmp_path: Path) -> Non
     )
     for a, b in zip(image.depth_m([0, 3, 8]), video.depth_m([0, 3, 8]), strict=True):
         np.testing.assert_allclose(a, b, atol=5.1e-4)
+
+
+@pytest.mark.parametrize("stored", ["image", "video"])
+def test_how_depth_was_rendered_does_not_show_in_a_unit(tmp_path: Path, stored: str) -> None:
+    units = [
+        write_unit(tmp_path, make_rollout(2.0), k, images=make_images(9, 0), depth_storage=stored,
+                   rendered_as=rendered)
+        for k, rendered in enumerate(("image", "video"))
+    ]  # fmt: skip
+    for name in {"rows.parquet", "unit.json", *([f"{DEPTH}.mp4"] if stored == "video" else [])}:
+        one, two = (unit / name for unit in units)
+        assert one.read_bytes() == two.read_bytes(), name
+
+
+def test_depth_frames_must_be_alike(tmp_path: Path) -> None:
+    frames = [np.ones((8, 8), np.float32), np.ones((8, 10), np.float32)]
+    with pytest.raises(ValueError, match="depth frame 1 of shape"):
+        write_depth_images(tmp_path / "depth.mov", frames, 4, RANGE)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("depth_max", [None, "far", float("nan"), 0.0, True])
