@@ -39,13 +39,16 @@ def climbed(ground: Ground, claim: Claim) -> Fit:
     )  # fmt: skip
 
 
-def on_stairs(ground: Ground, claim: Claim) -> Fit:
-    """Return what it costs to be at the top, at the bottom or on the landing of stairs."""
+def on_stairs(ground: Ground, claim: Claim, climbed: bool) -> Fit:
+    """Return what it costs to be at the top, at the bottom or on the landing of stairs.
+
+    Args:
+        climbed: the text has taken stairs; then it is at their end.
+    """
     off = [NEVER + 0.0 * ground.along_m]
     for climb in ground.facts.climbs:
-        ends = {"bottom": climb.along_m, "top": climb.to_m}
-        if climb.way == "down":
-            ends = {"top": climb.along_m, "bottom": climb.to_m}
+        first, then = ("bottom", "top") if climb.way == "up" else ("top", "bottom")
+        ends = {first: np.inf if climbed else climb.along_m, then: climb.to_m}
         if claim.place in ends:
             on = (ground.along_m > climb.along_m) & (ground.along_m < climb.to_m)
             off.append(np.abs(ground.along_m - ends[claim.place]) + _ON_M * on)

@@ -63,8 +63,10 @@ class Said:
 
     @property
     def on_landing(self) -> bool:
-        """Whether the claim before is halfway up stairs or, in the same step, of a landing."""
-        return self.last.place == "halfway" or (not self.apart and self.last.name == "landing")
+        """Whether the claim before is halfway up stairs, or of a landing after or beside it."""
+        climbed = any(c.kind == "climb" for c in self.before[1:2])
+        landing = self.last.name == "landing" and (climbed or not self.apart)
+        return landing or self.last.place == "halfway"
 
     @property
     def climbs_next(self) -> bool:

@@ -154,6 +154,8 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
             continue
         if said.last.place in ("top", "bottom") and ground.facts.on_stairs(first.along_m):
             continue
+        if said.last.kind == "climb" and said.apart and _to_stairs_m(ground, first) < _NEAR_M:
+            continue
         # Texts do not give the angle by which a landing turns.
         told = replace(claim, degree="") if here and claim.degree == "slight" else claim
         total = 0.0

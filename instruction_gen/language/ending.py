@@ -44,7 +44,7 @@ def _turned(claims: list[Claim]) -> list[Claim]:
              and (c.what in ("thing", "door") or c.name == "landing")
              and (c.place or not is_stairs(c))]  # fmt: skip
     turn, *rest = [c for c in claims if c not in marks]
-    if rest and rest[0].kind in ("enter", "door", "leave") and not rest[0].side \
+    if rest and rest[0].kind in ("enter", "door", "leave", "climb") and not rest[0].side \
             and turn.side in ("left", "right"):  # fmt: skip
         rest[0] = replace(rest[0], side=turn.side)  # "turn left into the kitchen"
     return [*marks, turn, *rest]
@@ -109,7 +109,7 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
     rest = clauses[len(first) :]
     cut = next((k for k, c in enumerate(first) if c.joint == ":"), 0)
     head, tail = clauses[:cut], clauses[cut:] if cut else []
-    titled = bool(head) and head[0].says("for") and not any(c.has_verb for c in head)
+    titled = bool(head) and head[0].says("for", "to") and not any(c.has_verb for c in head)
     if titled or any(c.says(*_MAY_ANNOUNCE) for c in head):  # "Parcel for the kitchen: …"
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
@@ -145,6 +145,8 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
         clauses[-1].claims = [Claim("stop")]  # "until you are nearly at the wall"
     clause = next((c for c in reversed(clauses) if c.claims), None)
     last = clause and clause.last
+    if clause and any(c.metres for c in clause.claims) and not clause.until:
+        clause.claims.append(Claim("stop"))
     if clause is None or last is None or not (last.name or last.what == "door"):
         return
     if clause.until:

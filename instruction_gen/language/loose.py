@@ -11,6 +11,9 @@ _ADJECTIVE = (
 )  # fmt: skip
 
 
+_NO_ARTICLES = ("that", "this", "my", "your", "our", "his", "her", "their")
+
+
 def step_of(clause: Clause, text: str) -> Step:
     """Return a clause that is read as a step."""
     start, stop = clause.tokens[0].start, clause.tokens[-1].stop
@@ -46,5 +49,5 @@ def find_fault(clause: Clause, k: int) -> None:
         return
     if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
         clause.faults.append(f"{word} {after}: no such thing is known")
-    elif before in DETERMINERS and before not in ("that", "this"):
+    elif before in DETERMINERS and before not in _NO_ARTICLES:  # "mind your toes"
         clause.faults.append(f"{word}: no such thing or place is known")

@@ -65,8 +65,9 @@ def read_phrase(tokens: Sequence[Token], k: int) -> Phrase | None:
     names: list[str] = []
     start = k
     while k < len(tokens) and noun_kind(tokens[k].text):
-        bare = not names and start == first
-        storey = bool(names) and noun_kind(names[-1]) == "storey"  # "the upstairs hallway"
+        bare = not names and start == first and not (k and tokens[k - 1].text in PREP_OF)
+        # "The upstairs hallway", "the hall upstairs".
+        storey = bool(names) and "storey" in (noun_kind(names[-1]), noun_kind(tokens[k].text))
         if (
             (tokens[k].text in _VERBLIKE and bare)
             or (tokens[k].text == "stands" and names)
@@ -184,7 +185,7 @@ def read_side(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] | None:
             break
         if word not in _TO_SIDE:
             return None
-        placed = placed or word in ("on", "to", "at", "your", "toward", "towards")
+        placed = placed or word in ("on", "to", "at", "in", "your", "toward", "towards")
         k += 1
         if k - first > 5:
             return None

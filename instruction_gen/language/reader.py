@@ -5,11 +5,11 @@ from dataclasses import replace
 from itertools import combinations
 
 from .claims import Claim, Step
-from .clauses import Clause, clauses_of, degree_of, part_end, verb_at
+from .clauses import Clause, clauses_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, step_of
 from .phrases import read_distance, read_phrase, read_side
-from .sides import listed_side, place
+from .sides import AROUND, WAYS, listed_side, side_of
 from .stairs import add_unsaid, is_stairs, look_for_stairs, on_stairs
 from .targets import (
     claim_of,
@@ -22,18 +22,14 @@ from .targets import (
     stop_at_it,
 )
 from .tokens import tokenize
-from .words import BENDS, NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, RIGHT_ADVERB, SLIGHT
+from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS
 
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
-_WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
-_ROUND = frozenset("around round about".split())
 _CLOCK = {"clockwise": "right", "anticlockwise": "left"}
-_AROUND = Claim("turn", side="around")
-_KEEPS = ("keep", "keeping", "stay", "staying")
 
 
 def read_text(text: str) -> list[Step]:
@@ -139,7 +135,7 @@ class _Reader:
         if before is None or before.sentence != clause.sentence:
             return
         told = clause.says(*ORDINALS, "left", "right")
-        if PREP_OF.get(clause.tokens[0].text) in _WAYS and not told:
+        if PREP_OF.get(clause.tokens[0].text) in WAYS and not told:
             clause.straight = clause.straight or before.straight  # "straight on and into the hall"
         if not starts:
             return
@@ -170,11 +166,11 @@ class _Reader:
                     claims.append(Claim("walk", metres=metres, vague=vague))
                 k = end
             elif (read := read_side(tokens, k)) is not None:
-                side_next = self._side(clause, k, *read) or side_next
+                side_next = side_of(clause, k, read, self.before, self._is_no_turn) or side_next
                 k = read[2]
             elif word in _MARKS or word == "TURN_AROUND":
                 if word == "TURN_AROUND":
-                    claims.append(_AROUND)
+                    claims.append(AROUND)
                 elif not clause.until and not (word == "GO_IN" and is_inside(self._said())):
                     claims.append(marked(word, self.door))  # "as you go in" says only when
                 clause.used.add(k)
@@ -186,7 +182,7 @@ class _Reader:
                 clause.used.update(used)
                 if side_next and not target.side:
                     target, side_next = replace(target, side=side_next), ""
-                at = stop and (clause.verb == "stop" or prep not in _WAYS)
+                at = stop and (clause.verb == "stop" or prep not in WAYS)
                 claim = (stop_at if at else claim_of)(target, prep, clause)
                 # "Along the upstairs hallway".
                 joined = target.what == "storey" and bool(read_phrase(tokens, end))
@@ -234,9 +230,9 @@ class _Reader:
                 k += 1
         add_unsaid(clause, self.before, self.stairs)
         turns = [c for c in claims if c.kind == "turn"]
-        if len({c.side for c in turns}) == 2 and _AROUND in turns:  # "a U-turn to the left"
+        if len({c.side for c in turns}) == 2 and AROUND in turns:  # "a U-turn to the left"
             claims[:] = [replace(c, degree="sharp") if c in turns else c
-                         for c in claims if c != _AROUND]  # fmt: skip
+                         for c in claims if c != AROUND]  # fmt: skip
         if side_next:  # of nothing
             clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:
@@ -247,70 +243,3 @@ class _Reader:
         elif stop and len(stops) == 2 and any(claims[n].place == "between" for n in stops):
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
-
-    def _side(self, clause: Clause, k: int, side: str, placed: bool, end: int) -> str:
-        """Read a side, words `k` to `end`; return it where it is that of the phrase that follows.
-
-        Args:
-            placed: `on your left`, not `left`.
-        """
-        tokens, claims, verb = clause.tokens, clause.claims, clause.verb
-        named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
-        if (
-            named
-            and verb == "go"
-            and claims[named[-1]].kind == "in"
-            and (tokens[k].text == "to" and end == len(tokens))
-        ):  # "take the hallway to the left"
-            claims.append(Claim("turn", side=side))
-            clause.used.update(range(k, end))
-            return ""
-        before = tokens[k - 1].text if k else ""
-        after = tokens[end].text if end < len(tokens) else ""
-        alone = not placed and verb in ("", "see", "pass", "stop") and not after
-        turned = any(c.kind == "turn" and c != _AROUND for c in claims)
-        if not (placed or clause.joint or clause.until) and end - k == len(tokens) \
-                and self._is_no_turn():  # fmt: skip
-            return ""  # "Right, off we go"
-        ahead = side in ("ahead", "behind")
-        if named and (
-            ahead
-            or (alone and k and k - 1 in clause.used and clause.joint != "then")
-            or (placed and (verb != "turn" or turned or not clause.has_verb))
-        ):
-            place(clause, named, side, self.before)
-            clause.used.update(range(k, end))
-            return ""
-        if ahead:
-            clause.used.update(range(k, end))
-            return side if verb in ("see", "") and not named else ""
-        if (
-            (not placed and before in ("you", "have", "just", "we"))
-            or (not placed and side == "right" and after in RIGHT_ADVERB and verb != "turn"
-                and (verb not in ("go", "") or self._is_no_turn()))
-            # "The left of the table", "right to the end of the hall".
-            or after == "of"
-            or (after == "to" and part_end(tokens, end + 1) > end + 1)
-        ):  # fmt: skip
-            return ""
-        if any(t.text in _KEEPS for t in tokens[:k]):
-            if named:
-                place(clause, named, side, self.before)
-                clause.used.update(range(k, end))
-            return ""
-        seen = verb == "see" and PREP_OF.get(after) not in _WAYS
-        if seen or (
-            placed and (verb in ("stop", "pass") or (not verb and after and before not in _ROUND))
-        ):
-            clause.used.update(range(k, end))
-            return side
-        if verb in ("see", "turn", "go", "", "enter", "leave", "reach") and not clause.negated:
-            clause.used.update(range(k, end))
-            ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
-                            if t.text in ORDINALS), 0)  # fmt: skip
-            # "Curve around to the left", "bend left round the table": how far is not said.
-            words = {t.text for t in tokens}
-            bent = words & BENDS and words & _ROUND and not words & SLIGHT
-            degree = "" if bent else degree_of(tokens)
-            claims.append(Claim("turn", side=side, degree=degree, ordinal=ordinal))
-        return ""

@@ -1,18 +1,23 @@
-"""Sides that belong to a target named before: in a list, or after it."""
+"""What a side is that of: a target before it, in a list or not, one after it, or a turn."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
-from .clauses import Clause, verb_at
+from .claims import Claim
+from .clauses import Clause, degree_of, part_end, verb_at
 from .phrases import read_phrase, read_side
 from .tables import closed
 from .targets import sided
-from .words import PREP_OF
+from .words import BENDS, ORDINALS, PREP_OF, RIGHT_ADVERB, SLIGHT
 
 # "The table, which stays on your right": no way of the walker.
 _STAYS = closed("stays")
 _RELATIVE = closed("relative")
-_WAYS = ("turn", "enter", "leave")
+_MOVES = ("turn", "enter", "leave")
+WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
+AROUND = Claim("turn", side="around")
+_ROUND = frozenset(("around", "round", "about"))
+_KEEPS = ("keep", "keeping", "stay", "staying")
 _LISTING = closed("in a list")
 
 
@@ -30,7 +35,7 @@ def listed_side(
     moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
     # "The table, which you will see on your right", "both of which are on the left".
     relative = placed and tokens[0].text in _RELATIVE and not any(
-        (verb in _WAYS) if (verb := verb_at(tokens, n)) else read_phrase(tokens, n)
+        (verb in _MOVES) if (verb := verb_at(tokens, n)) else read_phrase(tokens, n)
         for n in range(len(tokens))
     )  # fmt: skip
     if (set(rest) - _LISTING - _STAYS and not relative) or (moved and not placed):
@@ -48,6 +53,8 @@ def listed_side(
         return bool(_STAYS & set(rest)) or bool(placed and last and last.side)
     for owner, n in targets[-2:] if both else targets[-1:]:
         sided(owner.claims, n, side)
+        if owner.claims[n].kind == "in":
+            owner.claims[n] = replace(owner.claims[n], kind="see")
     clause.used.update(range(len(tokens)))
     return True
 
@@ -67,3 +74,84 @@ def place(clause: Clause, named: list[int], side: str, before: Clause | None) ->
         if last and last.what == claims[named[-1]].what and last.side in ("", "ahead") \
                 and side not in ("ahead", "behind"):  # fmt: skip
             sided(before.claims, -1, side)
+
+
+def side_of(
+    clause: Clause,
+    k: int,
+    read: tuple[str, bool, int],
+    before: Clause | None,
+    is_no_turn: Callable[[], bool],
+) -> str:
+    """Read the side at token `k`; return it where it is that of the phrase that follows.
+
+    Args:
+        read: as `read_side` returns it.
+        before: the clause before.
+        is_no_turn: whether the next word in doubt is no turn in this reading.
+    """
+    side, placed, end = read
+    tokens, claims, verb = clause.tokens, clause.claims, clause.verb
+    named = [n for n, c in enumerate(claims) if c.what and c.side in ("", "ahead")]
+    last = claims[named[-1]] if named else Claim("turn")
+    word = tokens[k - 1].text if k else ""
+    after = tokens[end].text if end < len(tokens) else ""
+    words = {t.text for t in tokens}
+    ahead = side in ("ahead", "behind")
+    degree, ordinal, used = "", 0, range(k, end)
+    if verb == "go" and last.kind == "in" and tokens[k].text == "to" and not after:
+        turn = True  # "take the hallway to the left"
+    else:  # "hallway left", "landing right"
+        turn = (last.what == "room" and not (placed or ahead or verb)) and (
+            last.name == "landing" or (last.kind == "in" and not is_no_turn())
+        )
+    alone = not placed and verb in ("", "see", "pass", "stop") and not after
+    turned = any(c.kind == "turn" and c != AROUND for c in claims)
+    if side == "right" and len(used) == len(tokens) and not (
+        turn or placed or clause.joint or clause.until or not is_no_turn()
+    ):  # fmt: skip
+        return ""  # "Right, off we go"
+    way = [t.text for t in tokens[:k]] == ["it", "is"] and after in ("", "again")
+    seen = verb == "see" and PREP_OF.get(after) not in WAYS and not way
+    if turn:
+        pass
+    elif named and (
+        ahead
+        or (alone and k and k - 1 in clause.used and clause.joint != "then")
+        or (placed and (verb != "turn" or turned or not clause.has_verb))
+    ):
+        place(clause, named, side, before)
+    elif ahead:
+        clause.used.update(used)
+        return side if verb in ("see", "") and not named else ""
+    elif (
+        (not placed and word in ("you", "have", "just", "we"))
+        or (not placed and side == "right" and after in RIGHT_ADVERB and verb != "turn"
+            and (verb not in ("go", "") or is_no_turn()))
+        # "The left of the table", "right to the end of the hall".
+        or after == "of"
+        or (after == "to" and part_end(tokens, end + 1) > end + 1)
+    ):  # fmt: skip
+        return ""
+    elif any(t.text in _KEEPS for t in tokens[:k]):
+        if not named:
+            return ""
+        place(clause, named, side, before)
+    elif seen or (
+        placed and (verb in ("stop", "pass") or (not verb and after and word not in _ROUND))
+    ):
+        clause.used.update(used)
+        return side
+    elif verb in ("see", "turn", "go", "", "enter", "leave", "reach") and not clause.negated:
+        turn = True
+        ordinal = next((ORDINALS[t.text] for t in tokens[max(0, k - 2) : k]
+                        if t.text in ORDINALS), 0)  # fmt: skip
+        # "Curve around to the left", "bend left round the table": how far is not said.
+        bent = words & BENDS and words & _ROUND and not words & SLIGHT
+        degree = "" if bent else degree_of(tokens)
+    else:
+        return ""
+    if turn:
+        claims.append(Claim("turn", side=side, degree=degree, ordinal=ordinal))
+    clause.used.update(used)
+    return ""

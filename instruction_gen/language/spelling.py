@@ -44,7 +44,8 @@ def respelt(word: str) -> str:
 def closed_gap(word: str, after: str) -> str:
     """Return the noun that is written as two words: `hall way`, "" where there is none."""
     whole = word + after
-    return whole if len(whole) > _LEAST_LETTERS and noun_kind(whole) else ""
+    own = len(whole) > _LEAST_LETTERS and noun_kind(whole) in ("thing", "room", "door")
+    return whole if own else ""  # not "down stairs"
 
 
 def _one_edit(word: str) -> Iterator[str]:

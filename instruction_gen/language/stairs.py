@@ -52,9 +52,10 @@ def on_stairs(
     )
     if target.what == "storey":
         alone = bool(clause.joint) and not clause.verb and len(words) == 1  # "left, upstairs"
+        after = bool(clause.claims) and k - 1 in clause.used  # "along the hall upstairs"
         adverb = target.name in _STOREY_WAYS and (clause.verb == "go" or alone) and not prep
         way = clause.way * near or _STOREY_WAYS.get(target.name, "") * adverb
-        if climbs or joined or not (way and goes) or clause.says(*_BEGINS):
+        if climbs or joined or after or not (way and goes) or clause.says(*_BEGINS):
             return [claim]
         # "Head upstairs, turning left on the landing": one is not yet there.
         return [Claim("climb", way=way), *[claim] * (target.name not in _STOREY_WAYS)]

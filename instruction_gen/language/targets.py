@@ -55,7 +55,7 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
         if kind == "enter" and verb != "enter" and (
             clause.until or (verb == "reach" and prep != "into")
         ):  # fmt: skip
-            kind = "in"
+            kind = "reach" if clause.until and not target.side else "in"
     elif target.what == "door" and kind == "door" and not prep and clause.until:
         kind = "" if verb not in ("enter", "leave") else kind
     elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
@@ -115,6 +115,8 @@ def preposition(clause: Clause, k: int, stop: bool) -> str:
     word = clause.tokens[k].text
     if word == "by" and (stop or clause.claims or clause.verb not in ("go", "pass", "cross", "")):
         return "at"
+    if word == "in" and clause.verb == "enter":
+        return "into"
     almost = word == "to" and k and clause.tokens[k - 1].text in ("nearly", "almost")
     return "toward" if almost else PREP_OF[word]
 

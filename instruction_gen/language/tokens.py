@@ -71,9 +71,9 @@ def misspelt(text: str) -> list[str]:
 
 
 def _plain(text: str) -> str:
-    """Return a text of equal length without marks that stand for a blank or a comma."""
+    """Return a text of equal length without marks that stand for a blank or a semicolon."""
     text = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
-    return text.replace("->", ", ").replace("→", ",").replace("~", " ")
+    return text.replace("->", "; ").replace("→", ";").replace("~", " ")
 
 
 def _parts(word: str, start: int, stop: int) -> list[Token]:
@@ -130,7 +130,9 @@ def _meant(raw: list[Token]) -> list[Token]:
             result and result[0] == "TURN_AROUND"
         ):  # "a U-turn at the sofa", "turn around to the left"
             alone = alone or after in PREP_OF or words[-1] not in ("around", "round")
-        turned = words[0] == "right" and VERB_OF.get(before) == "turn"  # "turn right there"
+        # "Turn right there", "at the right there is a table".
+        turned = VERB_OF.get(before) == "turn" or before in ("the", "your", "on", "at", "to")
+        turned = turned and words[0] == "right"
         return None if turned or (result and result[0] in _LONE and not alone) else result
 
     return _replaced(raw, LONGEST_PHRASE, meaning)
