@@ -33,9 +33,11 @@ from .storeys.levels import (
     ceilings_in_floors,
     find_levels,
 )
+from .storeys.slabs import Slab, slabs_over, with_opened
 from .storeys.staircases import ScannedStaircase, find_staircases
 from .storeys.surfaces import find_surfaces
 from .verify.scene import probe_level
+from .verify.verdict import counted
 from .write.scene import Repaired, write_scene
 
 log = logging.getLogger(__name__)
@@ -104,6 +106,12 @@ def repair_scene(
     coarse, fine = _grids(scan, original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")
     storeys = _find_floors(original, fine, not_floor(scan), config)
+    slabs = storeys.slabs
+    if slabs:
+        report(f"opening {counted(len(slabs), 'slab')} over flights of stairs")
+        scan = with_opened(scan, orientation.source_to_world, slabs)
+        original = WorldMesh.of(scan, orientation.source_to_world)
+        storeys = _find_floors(original, fine, not_floor(scan), config)
     _check_voxels(scan, storeys.floors, config)
     ceilings = storeys.ceilings
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original
@@ -131,6 +139,7 @@ def repair_scene(
         visual=visual,
         labels=labels,
         staircases=staircases,
+        slabs=slabs,
         notes=storeys.notes,
     )
     return write_scene(repaired, out_dir, config)
@@ -174,11 +183,13 @@ def _check_voxels(scan: Scan, floors: list[ScannedFloor], config: RepairConfig) 
 class _Storeys:
     """The floors of all levels, what joins them, doubts, and faces (F,) that are set apart.
 
-    `ignore` are faces that are no floor, `ceilings` those that lie in the plane of one.
+    `slabs` are to be opened, whereupon all else is found again; `ignore` are faces that are no
+    floor, `ceilings` those that lie in the plane of one.
     """
 
     floors: list[ScannedFloor]
     staircases: list[ScannedStaircase]
+    slabs: list[Slab]
     notes: list[str]
     ignore: Mask
     ceilings: Mask
@@ -196,13 +207,14 @@ def _find_floors(mesh: WorldMesh, fine: GridSpec, ignore: Mask, config: RepairCo
         surfaces = find_surfaces(columns, up, no_floor, LEAST_CLEARANCE_M)
         floors, notes = find_levels(surfaces, columns, mesh, config)
         ceilings = ceilings_in_floors(floors, columns, averted)
-    staircases = []
+    staircases, slabs = [], []
     if len(floors) > 1:
         # What is labelled as stairs is no floor, and treads may be wound otherwise than floors.
         if no_floor.any():
             surfaces = find_surfaces(columns, up, np.zeros_like(no_floor), LEAST_CLEARANCE_M)
         staircases = find_staircases(surfaces, floors)
-    return _Storeys(floors, staircases, notes, no_floor, ceilings)
+        slabs = slabs_over(columns, floors, mesh)
+    return _Storeys(floors, staircases, slabs, notes, no_floor, ceilings)
 
 
 def _repair_floors(

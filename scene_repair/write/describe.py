@@ -13,6 +13,7 @@ from ..floor.outline import cell_polygons
 from ..floor.repair_level import RepairedFloor
 from ..orient.scale import HIGH_ROOM_M, LOW_ROOM_M, ROOM_M, hall
 from ..storeys.flights import Flight
+from ..storeys.slabs import Slab
 from ..verify.verdict import counted
 
 LEAST_FLOOR_M2 = 4.0  # a scene is rarely made for less
@@ -91,6 +92,26 @@ def describe_staircase(staircase: Staircase, flights: Sequence[Flight]) -> dict[
         "width_m": round(staircase.width_m, 2),
         "problem": staircase.problem,
     }
+
+
+def describe_slab(slab: Slab) -> dict[str, Any]:
+    """Return JSON values for a slab that was opened over a flight."""
+    return {
+        "action": "slab opened over flight",
+        "levels": list(slab.levels),
+        "middle_xy_m": [round(float(v), 3) for v in slab.middle_xy_m],
+        "area_m2": round(slab.area_m2, 3),
+    }
+
+
+def slab_doubts(slabs: Sequence[Slab]) -> list[str]:
+    """Return one line for each slab that was opened over a flight."""
+    return [
+        f"slab opened over flight: the stairs from level {slab.levels[0]} to {slab.levels[1]} at "
+        "x {:.1f}, y {:.1f} ended under the floor that they lead to, so {:.1f} m² of it and of "
+        "the ceiling below were taken out".format(*slab.middle_xy_m, slab.area_m2)
+        for slab in slabs
+    ]
 
 
 def stair_doubts(staircases: Sequence[Staircase]) -> list[str]:

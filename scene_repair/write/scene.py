@@ -35,14 +35,17 @@ from ..labels.semantics import labelled_objects
 from ..orient.transform import Orientation
 from ..paint.materials import MaterialSampler
 from ..scan.record import Scan
+from ..storeys.slabs import Slab
 from ..usd.write_stage import UsdContent, write_usd
 from ..verify.scene import RECORD_NAME, verify_scene
 from .describe import (
     describe_flight,
     describe_level,
+    describe_slab,
     describe_staircase,
     doubts,
     repair_titles,
+    slab_doubts,
     stair_doubts,
 )
 from .pictures import (
@@ -73,13 +76,14 @@ class Repaired:
         scan: what it held, in source coordinates.
         way: how it lies in the world.
         boxes: labels from beside it.
-        original: the scan in the world.
+        original: the scan in the world, with slabs opened over flights.
         floors: the floors of all levels, lowest first.
         levels: their collision.
         probes: what probing them gave.
         visual: the last floor's mesh, with all repairs, as it is written.
         labels: categories that its faces point to.
         staircases: between them.
+        slabs: what was opened over flights.
         notes: doubts about the levels.
     """
 
@@ -94,6 +98,7 @@ class Repaired:
     visual: VisualMesh
     labels: tuple[str, ...]
     staircases: list[RepairedStaircase]
+    slabs: list[Slab]
     notes: list[str]
 
 
@@ -149,12 +154,14 @@ def _write_bundle(
             *doubts(evidence, repaired.levels, repaired.floors),
             *repaired.notes,
             *stair_doubts(staircases),
+            *slab_doubts(repaired.slabs),
         ],
         "levels": [
             describe_level(floor, probes)
             for floor, probes in zip(repaired.floors, repaired.probes, strict=True)
         ],
         "staircases": [describe_staircase(s.staircase, s.flights) for s in repaired.staircases],
+        "opened_slabs": [describe_slab(slab) for slab in repaired.slabs],
         "flights": [describe_flight(f) for s in repaired.staircases for f in s.flights],
     }
     # Quickly, without the indents of the last one: for the verification alone.

@@ -41,9 +41,17 @@ class StairHall:
 
 
 def stair_hall(
-    shape: str, riser_m: float = 0.17, going_m: float = 0.28, width_m: float = 1.0
+    shape: str,
+    riser_m: float = 0.17,
+    going_m: float = 0.28,
+    width_m: float = 1.0,
+    *,
+    closed: bool = False,
 ) -> StairHall:
-    """Return a hall of 7 × 7 m; `shape` is `straight`, `L` or `U`. There are 16 risers."""
+    """Return a hall of 7 × 7 m; `shape` is `straight`, `L` or `U`. There are 16 risers.
+
+    If it is `closed`, ceiling and floor run on over the stairs.
+    """
     run, x, y = 7 * going_m, 1.0, 1.2
     rise = 16 * riser_m
     ahead = [((x, y + k * going_m), (x + width_m, y + (k + 1) * going_m)) for k in range(7)]
@@ -68,6 +76,8 @@ def stair_hall(
         ]
         treads = [*ahead, landing, *steps]
         head, voids = (left + width_m / 2, y), [(x, y, left + width_m, end + width_m)]
+    if closed:
+        voids = [(0.0, 0.0, 0.0, 0.0)]
     corners = np.array(treads)
     top = np.array([riser_m * (k + 1) for k in range(len(treads))])
     parts = [

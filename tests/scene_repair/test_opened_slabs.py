@@ -1,0 +1,85 @@
+"""Slabs that run on over complete flights are opened; low ceilings and galleries stay."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.scenes import scans
+from tests.support.scenes.repairs import repaired
+from tests.support.scenes.stair_halls import SLAB_M, StairHall, stair_hall
+from vlnpe.formats.core.geometry import triangle_normals
+from vlnpe.formats.scene.bundle import SceneBundle
+
+pytestmark = pytest.mark.chain
+
+
+def record(bundle: SceneBundle) -> dict[str, Any]:
+    return json.loads((bundle.root / "repair.json").read_text())
+
+
+def level_faces_over(bundle: SceneBundle, truth: StairHall, tread: int) -> np.ndarray:
+    """Heights of level faces above the middle of a tread, up to the upper floor."""
+    mesh = bundle.visual()
+    corners = mesh.vertices[mesh.faces].astype(float)
+    flat = np.abs(triangle_normals(corners)[:, 2]) > 0.98
+    middle = truth.treads[tread].mean(axis=0)
+    a, b, c = (corners[:, k, :2] - middle for k in range(3))
+    crosses = np.stack([np.cross(p, q) for p, q in ((a, b), (b, c), (c, a))])
+    inside = (crosses > 0).all(axis=0) | (crosses < 0).all(axis=0)
+    z = corners[flat & inside].mean(axis=1)[:, 2]
+    return z[(z > truth.top_m[tread] + 0.05) & (z < truth.rise_m + 0.05)]
+
+
+@pytest.mark.parametrize("shape", ["straight", "L", "U"])
+def test_a_slab_over_complete_stairs_is_opened(shape: str, tmp_path: Path) -> None:
+    truth = stair_hall(shape, closed=True)
+    bundle = repaired(truth.parts, tmp_path)
+    (staircase,) = bundle.staircases
+    assert staircase.problem == "" and staircase.riser_m == pytest.approx(0.17, abs=0.005)
+    (slab,) = record(bundle)["opened_slabs"]
+    assert slab["levels"] == [0, 1]
+    sizes = (truth.treads[:, 1] - truth.treads[:, 0]).prod(axis=1)
+    shut = truth.top_m + 2.0 > truth.rise_m - SLAB_M
+    assert sizes[shut].sum() - 0.3 < slab["area_m2"] < sizes.sum() + 0.3
+    (doubt,) = record(bundle)["doubts"]
+    assert doubt.startswith("slab opened over flight: the stairs from level 0 to 1 at x ")
+    # In what one sees, too, and nowhere else: the hall's upper floor is whole around the stairs.
+    for tread in np.flatnonzero(shut):
+        assert not len(level_faces_over(bundle, truth, int(tread)))
+    floor = bundle.floor(1)
+    area = floor.covered.sum() * floor.grid.cell_m**2
+    assert area == pytest.approx(49.0 - slab["area_m2"], abs=1.5)
+
+
+def low_ceiling() -> StairHall:
+    """A ceiling at half the height of the room over the upper half of the stairs."""
+    hall = stair_hall("straight")
+    low, high = hall.treads[8][0], hall.treads[14][1]
+    return StairHall(**{**vars(hall), "parts": [*hall.parts, scans.box(
+        (*low, hall.rise_m + 0.9), (*high, hall.rise_m + 1.0))]})  # fmt: skip
+
+
+def gallery() -> StairHall:
+    """Floor over the middle of the stairs, whose head lies open."""
+    hall = stair_hall("straight")
+    low, high = hall.treads[4][0], hall.treads[11][1]
+    return StairHall(**{**vars(hall), "parts": [*hall.parts, scans.box(
+        (*low, hall.rise_m - SLAB_M), (*high, hall.rise_m))]})  # fmt: skip
+
+
+def wall_on_top() -> StairHall:
+    """A closed slab with a wall on it, across the head of the stairs."""
+    hall = stair_hall("straight", closed=True)
+    low, high = hall.treads[12][0], hall.treads[14][1]
+    return StairHall(**{**vars(hall), "parts": [*hall.parts, scans.box(
+        (low[0], low[1], hall.rise_m), (*high, hall.rise_m + 2.4))]})  # fmt: skip
+
+
+@pytest.mark.parametrize("hall", [low_ceiling, gallery, wall_on_top])
+def test_what_is_no_fault_of_the_model_stays(hall: Any, tmp_path: Path) -> None:
+    bundle = repaired(hall().parts, tmp_path)
+    assert record(bundle)["opened_slabs"] == []
+    assert all(s.problem for s in bundle.staircases)
