@@ -12,10 +12,13 @@ import numpy as np
 from ..config import StairsConfig
 
 FLIGHT_M, SPINE_M = 0.95, 0.1
-# The first riser of L- and U-shaped stairs stands this far behind the opening to the corridor.
-SETBACK_M = 0.15
 # Where stairs end inside a room, this much floor is left before them; a gallery is as wide.
 BEFORE_M = 1.3
+# The first riser stands this far behind the opening to the corridor. An L begins in a corner, where
+# a walker must be past the opening's side before it lines up.
+SETBACK_M = {"U": 0.15, "L": BEFORE_M}
+# The first flight of an L has so many treads at least.
+_FIRST_TREADS = 5
 _RISER_M = (0.15, 0.19)
 _LEAST_RISERS = 3
 
@@ -105,9 +108,10 @@ def least_stairwell_m(shape: str, rise_m: float, steps_m: Span, depth_m: float) 
     if shape == "straight":
         return lay_out(shape, rise_m, steps_m, depth_m).size_m[0] + 2 * BEFORE_M, depth_m
     if shape == "L":
+        depth_m = max(depth_m, SETBACK_M[shape] + _FIRST_TREADS * steps_m[1] + FLIGHT_M)
         return lay_out(shape, rise_m, steps_m, depth_m).size_m[1] + BEFORE_M, depth_m
     run = (_risers(rise_m / 2, steps_m[0]) - 1) * steps_m[1]
-    return 2 * FLIGHT_M + SPINE_M + BEFORE_M, SETBACK_M + run + FLIGHT_M
+    return 2 * FLIGHT_M + SPINE_M + BEFORE_M, SETBACK_M[shape] + run + FLIGHT_M
 
 
 def lay_out(shape: str, rise_m: float, steps_m: Span, depth_m: float) -> Stairs:
@@ -118,7 +122,7 @@ def lay_out(shape: str, rise_m: float, steps_m: Span, depth_m: float) -> Stairs:
         depth_m: extent of the stairwell away from its hallway; L- and U-shaped stairs fill it.
     """
     target, tread = steps_m
-    length = depth_m - SETBACK_M
+    length = depth_m - SETBACK_M.get(shape, 0.0)
     if shape == "U":
         half = _risers(rise_m / 2, target)
         run, width = (half - 1) * tread, 2 * FLIGHT_M + SPINE_M

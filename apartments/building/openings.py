@@ -97,7 +97,7 @@ class Openings:
             axis, sign, start, end = usable[i, j]
             if {rooms[i].kind, rooms[j].kind} in _PASSAGES:
                 spare = end - start - 2 * _PASSAGE_MARGIN_M
-                width = spare if self._needs_all((i, j)) else min(spare, _WIDEST_PASSAGE_M)
+                width = min(spare, _WIDEST_PASSAGE_M)
                 first = start + _PASSAGE_MARGIN_M + 0.5 * (spare - width)
                 doors += self._pair("passage", (i, j), (axis, sign), (first, first + width))
                 continue
@@ -108,10 +108,6 @@ class Openings:
             first = start + _DOOR_MARGIN_M + where * room_left
             doors += self._pair("door", (i, j), (axis, sign), (first, first + width))
         return doors
-
-    def _needs_all(self, rooms: tuple[int, int]) -> bool:
-        """Return whether stairs rise from the end of the passage between two rooms."""
-        return any(b.room in rooms and b.stairs and b.stairs.shape == "L" for b in self._blocks)
 
     def _pair(
         self, kind: str, rooms: tuple[int, int], side: tuple[int, int], span: Span

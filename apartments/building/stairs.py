@@ -44,7 +44,7 @@ def stairs_block(
         rect[0, axis] += (room.size_m[axis] - stairs.size_m[0]) / 2
         rect[1, axis] = rect[0, axis] + stairs.size_m[0]
     else:
-        rect[int(sign > 0), axis] -= sign * SETBACK_M
+        rect[int(sign > 0), axis] -= sign * SETBACK_M[shape]
         rect[1, 1 - axis] = rect[0, 1 - axis] + stairs.size_m[1]
     low, high = rect.tolist()
     ends = (low[0], low[1]), (high[0], high[1])
