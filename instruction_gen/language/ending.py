@@ -125,7 +125,8 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
     may = cue or own or any(c.says(*_MAY_ANNOUNCE) for c in first)
     if not rest or not may or (moves and not stopped):
         first, rest = head, tail
-    targets = [(c, x) for c in first for x in c.claims if x.name or x.what == "door"]
+    targets = [(c, x) for c in first for x in c.claims
+               if (x.name or x.what == "door") and x.kind != "leave"]  # fmt: skip
     if not rest or not targets or any(c.tokens[0].text == "stand" for c in first):
         return False
     for clause in first:
@@ -155,6 +156,8 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
                     "past" if c.kind == "pass" else "at")
             if c.name or c.what == "door" else c for c in clause.claims
         ]  # fmt: skip
+    elif last.kind == "door" and last.room:  # "the bathroom door is on the right: in you go"
+        clause.claims.append(Claim("stop", "room", last.room, place="inside"))
     elif last.kind in ("reach", "enter", "in"):
         place = "inside" if last.what == "room" else "at"
         clause.claims.append(replace(last, kind="stop", place=place, ordinal=0))

@@ -125,6 +125,7 @@ def test_facts_of_a_path_over_stairs(up, down):
         "Forgive me if I go slowly, my dear. If you would walk to the stairs, please, which we "
         "climb, two flights. At the top turn right. You go into the bedroom.",
         "Morning love. Out of the kitchen, up stairs, landing left. Top R, into the bedroom. Stop.",
+        "Parcel from the kitchen to the bedroom: up the stairs, right at the top, in at the door.",
         "Walk along the living room downstairs, mind your toes, up the stairs, right and into the "
         "bedroom.",
     ],
