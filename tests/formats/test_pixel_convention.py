@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import pyvista
 from numpy.typing import NDArray
 
 from tests.formats.mcap.test_episode import decode, rotation
@@ -46,6 +45,8 @@ def unproject(depth_m: NDArray, intrinsics: NDArray) -> Points:
 
 def distance_to_mesh(points_world_m: Points, bundle: SceneBundle) -> NDArray[np.float64]:
     """Distance (N,) [m] of each point to the nearest triangle."""
+    import pyvista
+
     visual = bundle.visual()
     mesh = pyvista.PolyData.from_regular_faces(visual.vertices, visual.faces)
     found: Any = mesh.find_closest_cell(points_world_m, return_closest_point=True)

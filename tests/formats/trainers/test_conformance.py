@@ -30,10 +30,12 @@ from vlnpe.rendering.camera.rollout_views import render_rollout
 from vlnpe.rendering.camera.views import CameraOverrides, parse_views
 from vlnpe.rendering.registry import make_renderer
 
-pd = pytest.importorskip("pandas")
-
 Rigged = tuple[dict[str, Path], str]  # units of a walk by camera, and its key
 IDS = {"stop": 0, "forward": 1, "left": 2, "right": 3}
+
+
+def read_frame(path: Path) -> Any:
+    return pytest.importorskip("pandas").read_parquet(path)
 
 
 @pytest.fixture(scope="module")
@@ -250,7 +252,7 @@ def check_internvla_view(out: Path, setting: str, sources: list[WalkSource]) -> 
     for line, source in zip(lines, sources, strict=True):
         number = line["episode_index"]
         assert line["tasks"][0].split("<INSTRUCTION_SEP>") == list(source.texts)
-        table = pd.read_parquet(out / "data" / "chunk-000" / f"episode_{number:06d}.parquet")
+        table = read_frame(out / "data" / "chunk-000" / f"episode_{number:06d}.parquet")
         actions = table["action"].tolist()
         assert len(actions) == line["length"] and actions[0] == -1
         assert ends_m(source, [*actions[1:], 0]) < 0.5
@@ -336,7 +338,7 @@ def test_navdp_has_the_mount_of_a_rig(
 ) -> None:
     folders, key = rigs[0]
     scene = write("navdp", tmp_path, [WalkSource(folders[rig], key, ("Walk on.",))])
-    table = pd.read_parquet(scene / "data" / "chunk-000" / "episode_000000.parquet")
+    table = read_frame(scene / "data" / "chunk-000" / "episode_000000.parquet")
     mounts = np.array([np.stack(m) for m in table["observation.camera_extrinsic"]])
     k = np.stack(table["observation.camera_intrinsic"][0])
     assert 100 * mounts[0, 2, 3] == pytest.approx(int(rig[4:-8]), abs=2)
@@ -366,7 +368,7 @@ def test_navdp(sources: list[WalkSource], tmp_path: Path) -> None:
     tables = listed(scene / "data" / chunk)
     lines = (scene / "meta" / "episodes_stats.jsonl").read_text().splitlines()
     for number, (line, source) in enumerate(zip(map(json.loads, lines), sources, strict=True)):
-        table = pd.read_parquet(scene / "data" / chunk / tables[number])
+        table = read_frame(scene / "data" / chunk / tables[number])
         span = line["image_index"]
         own = pictures[span["min"] : span["max"] + 1]
         assert len(own) == len(table) == Walk.open(source).unit.length
