@@ -32,8 +32,9 @@ _FLAT_NORMAL_Z = 0.98
 # Treads and landings are no larger; what is nearer to one than this is the same surface.
 _LANDING_M2, _SAME_M = 4.0, 0.01
 _CLEAR_M = 0.08
-# So much of the last tread lies under it, and at most so much of the flight under anything else.
-_CLOSED_SHARE, _OTHER_SHARE = 0.75, 0.05
+# So much of the last tread lies under it, and at most so much of the flight under anything else;
+# a wall across a tread takes more of it than the last.
+_CLOSED_SHARE, _OTHER_SHARE, _WALL_SHARE = 0.75, 0.05, 0.1
 # What stands beside a flight may reach this far over its treads.
 _BESIDE_M = 0.1
 _CELL_M = 0.05
@@ -116,7 +117,7 @@ def _slab_over(levels: tuple[int, int], boxes: Treads, mesh: WorldMesh) -> Slab 
     grid = GridSpec.covering(*ends, _CELL_M)
     columns = sample_columns(mesh.vertices, faces, grid)
     xy = grid.center_of(np.moveaxis(np.indices(grid.shape), 0, -1)).reshape(-1, 2)
-    inner = replace(treads, half_m=np.maximum(treads.half_m - (_BESIDE_M, _BESIDE_M, 0.0), 0.01))
+    inner = replace(treads, half_m=np.maximum(treads.half_m - (0.0, _BESIDE_M, 0.0), 0.01))
     tread = np.full(len(xy), -1)
     for k, holds in enumerate(inner.holds(xy)):
         tread[holds] = k
@@ -134,9 +135,11 @@ def _slab_over(levels: tuple[int, int], boxes: Treads, mesh: WorldMesh) -> Slab 
     stands = np.zeros(len(xy), dtype=bool)
     for n, height in enumerate(level_m + _ABOVE_M):
         stands |= (marks >> n & 1).astype(bool) & (height < top_m + FULL_HEIGHT_M)
-    other = (cells(hanging & ~in_slab) | stands)[tread >= 0]
-    last = tread == len(treads.yaw_rad) - 1
-    if closed[last].mean() < _CLOSED_SHARE or other.mean() > _OTHER_SHARE:
+    own = [tread == k for k in range(len(treads.yaw_rad))]
+    other = cells(hanging & ~in_slab)[tread >= 0].mean()
+    if closed[own[-1]].mean() < _CLOSED_SHARE or other > _OTHER_SHARE:
+        return None
+    if max(stands[cells_of].mean() for cells_of in own) > _WALL_SHARE:
         return None
     shut = np.flatnonzero(treads.top_m + FULL_HEIGHT_M > level_m - _THICK_M)
     shut = shut[[bool(closed[tread == k].any()) for k in shut]]

@@ -27,7 +27,8 @@ def level_faces_over(bundle: SceneBundle, truth: StairHall, tread: int) -> np.nd
     flat = np.abs(triangle_normals(corners)[:, 2]) > 0.98
     middle = truth.treads[tread].mean(axis=0)
     a, b, c = (corners[:, k, :2] - middle for k in range(3))
-    crosses = np.stack([np.cross(p, q) for p, q in ((a, b), (b, c), (c, a))])
+    pairs = ((a, b), (b, c), (c, a))
+    crosses = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in pairs])
     inside = (crosses > 0).all(axis=0) | (crosses < 0).all(axis=0)
     z = corners[flat & inside].mean(axis=1)[:, 2]
     return z[(z > truth.top_m[tread] + 0.05) & (z < truth.rise_m + 0.05)]
