@@ -1,7 +1,8 @@
 """`make evidence`: run the recipes that docs/results/data.md rests on with `vlnpe ablate`.
 
 Each recipe in `recipes/` names the command that collects its data. Results go to `results/`, where
-the published ones lie; `--draw` writes their pages and figures without measuring anything.
+the published ones lie; `--draw` writes their pages and figures without measuring anything. With
+`--place` the same trainings walk in another run, such as one in a house that others made.
 """
 
 import argparse
@@ -26,6 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("recipes", nargs="*", help=f"of {', '.join(RECIPES)}; all by default")
     parser.add_argument("--data", type=Path, default=BENCH / TRAINING, help="folder of runs")
     parser.add_argument("--run", type=Path, default=BENCH / UNSEEN, help="run of unseen episodes")
+    parser.add_argument("--place", default="", help="name of another --run, for its results")
     parser.add_argument("--out", type=Path, default=Path("runs/evidence"), help="trainings, walks")
     parser.add_argument("--results", type=Path, default=HERE / "results", help="folder of results")
     parser.add_argument("--draw", action="store_true", help="write pages of published results")
@@ -34,16 +36,17 @@ def main(arguments: list[str] | None = None) -> int:
         for name in options.recipes:
             check_name("recipe", name, RECIPES)
         for name in options.recipes or RECIPES:
-            results = options.results / f"{name}.json"
+            shown = f"{name}-{options.place}" if options.place else name
+            results, out = options.results / f"{shown}.json", options.out / shown
             if not options.draw:
-                out = options.out / name
                 call = ["ablate", str(RECIPES[name]), "--data", str(options.data)]
                 call += ["--run", str(options.run), "--split", "val_unseen", "--out", str(out)]
+                call += ["--trainings", str(options.out / name)]
                 if code := vlnpe([*call, *more]):
                     return code
                 shutil.copyfile(out / RESULTS_NAME, results)
-            write_page(options.out / name, read_results(results))
-            sys.stdout.write(f"{results}, {options.out / name}/report.html\n")
+            write_page(out, read_results(results))
+            sys.stdout.write(f"{results}, {out}/report.html\n")
     except VlnpeError as error:
         sys.stderr.write(f"make evidence: error: {error}\n")
         return 2

@@ -111,13 +111,17 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     return Result(log.path, tuple(log.rows), log.chosen, plan)
 
 
-def train_once(request: Request, planned: Planned, seed: int) -> Path:
-    """Train into a folder below `request.out`, unless that was done; return the checkpoint.
+def training_folder(request: Request, planned: Planned, seed: int) -> Path:
+    """Return the folder of a training below `request.out`.
 
-    The folder is named by `training_key`: other data or settings are trained into another one.
+    It is named by `training_key`: other data or settings are trained into another one.
     """
-    name = planned.config.model.name
-    folder = request.out / f"{name}-s{seed}-{training_key(planned, seed)}"
+    return request.out / f"{planned.config.model.name}-s{seed}-{training_key(planned, seed)}"
+
+
+def train_once(request: Request, planned: Planned, seed: int) -> Path:
+    """Train into its `training_folder`, unless that was done; return the checkpoint."""
+    name, folder = planned.config.model.name, training_folder(request, planned, seed)
     checkpoint, done = folder / f"{name}{SUFFIX}", folder / _DONE
     if not (done.is_file() and checkpoint.is_file()):
         result = train_recipe(replace(request, out=folder, seed=seed), planned)

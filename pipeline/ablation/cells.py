@@ -15,8 +15,9 @@ from ...datasets.mixture.comparison import METRICS
 from ...evaluation.results import COLUMNS, by_uid, uid_of
 from ...formats.vlnce.files import write_episodes
 from ...learning.card import read_card
-from ...learning.training.session import train_once
+from ...learning.training.session import train_once, training_folder
 from ..collect.evaluation import evaluate_policy
+from ..engine.lock import lock
 from ..options.training import Ablate
 from .plan import Ablation, evaluation
 
@@ -62,7 +63,7 @@ def measure(
         policy, checkpoint = rows[name].policy, None
         label = f"{policy}-s{seed}"
         if name in ablation.trainings:
-            checkpoint = train(ablation, name, seed, options.out)
+            checkpoint = train(ablation, name, seed, options.trainings or options.out)
             policy, label = str(checkpoint), checkpoint.parent.name
         for test in ablation.comparison.tests_of(name):
             out = options.out / WALKS / _slug(f"{label}--{test}")
@@ -84,11 +85,15 @@ def measure(
 def train(ablation: Ablation, row: str, seed: int, out: Path) -> Path:
     """Train a row with a seed unless that is done; return its checkpoint.
 
-    Rows that are trained in the same way share their trainings.
+    Rows that are trained in the same way share their trainings, and so may other ablations: one
+    that is under way is waited for.
     """
     training = ablation.trainings[row]
     request = replace(training.request, out=out / TRAININGS)
-    return train_once(request, training.planned, seed)
+    folder = training_folder(request, training.planned, seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    with lock(folder, wait=True):
+        return train_once(request, training.planned, seed)
 
 
 def _write_episodes(ablation: Ablation, out: Path) -> Path:

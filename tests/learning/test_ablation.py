@@ -18,7 +18,7 @@ from vlnpe.formats.vlnce.files import write_episodes
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.learning.training.curves import TrainingLog
 from vlnpe.pipeline.ablation.cells import TRAININGS, train
-from vlnpe.pipeline.ablation.plan import plan_ablation
+from vlnpe.pipeline.ablation.plan import CACHE, plan_ablation
 from vlnpe.pipeline.cli import main
 from vlnpe.pipeline.options.training import Ablate
 
@@ -94,6 +94,14 @@ def test_from_recipe_to_answer_and_again_without_training_or_walking(
     assert again == value
     assert {p: p.stat().st_mtime_ns for p in times} == times
     assert {p: p.stat().st_mtime_ns for p in walked} == walked
+
+    other = tmp_path / "other"
+    call[call.index(str(out))] = str(other)
+    call += ["--trainings", str(out), "--rows", "all senses", "--walks", "2"]
+    assert main(call) == 0
+    (row,) = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
+    assert {cell["checkpoint_sha256"] for cell in row["seeds"].values()} <= shas
+    assert not (other / TRAININGS).exists() and not (other / CACHE).exists()
 
 
 def test_a_killed_training_ends_as_if_it_had_not_been(
