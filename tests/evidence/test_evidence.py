@@ -39,7 +39,7 @@ def test_results_have_the_rows_tests_and_claims_of_their_recipe(
     # `RECIPE-PLACE`: the same trainings in another place.
     recipe, value = read_recipe(RECIPES[name.partition("-")[0]]), results[name]
     comparison, walks = recipe.comparison, len(value["episodes"])
-    assert comparison is not None and comparison.walks == walks
+    assert comparison is not None and 40 <= walks <= comparison.walks
     rows = {(row["row"], row["test"]): row for row in value["rows"]}
     assert set(rows) == set(comparison.cells())
     for row, test in comparison.cells():
