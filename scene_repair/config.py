@@ -32,6 +32,7 @@ class RepairConfig:
         picture_px: width of the before and after pictures.
         allow_roof: also make levels of floors under the open sky that no stairs lead to.
         floor_m: world height at which a floor is laid inside the walls; None = none.
+        ceiling_m: world height at which a ceiling is laid inside the walls; None = none.
         exclude: parts of the scan to leave out, by name or pattern.
         collision: path of a mesh to take as the surface of Gaussian splats; empty = fuse one.
     """
@@ -55,6 +56,7 @@ class RepairConfig:
     picture_px: int = 1400
     allow_roof: bool = False
     floor_m: float | None = None
+    ceiling_m: float | None = None
     exclude: tuple[str, ...] = ()
     collision: str = ""
 

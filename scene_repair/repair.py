@@ -15,7 +15,7 @@ from ..formats.scene.grid import GridSpec
 from .collide.level_collision import build_collision, level_floor
 from .collide.stair_collision import build_stairs
 from .config import RepairConfig
-from .floor.lay import with_floor
+from .floor.lay import with_ceiling, with_floor
 from .floor.repair_level import RepairedFloor, repair_floor
 from .grid.columns import sample_columns
 from .grid.world_mesh import WorldMesh
@@ -102,6 +102,8 @@ def repair_scene(
     )
     if config.floor_m is not None:
         scan = with_floor(scan, orientation.source_to_world, config.floor_m)
+    if config.ceiling_m is not None:
+        scan = with_ceiling(scan, orientation.source_to_world, config.ceiling_m)
     original = WorldMesh.of(scan, orientation.source_to_world)
     coarse, fine = _grids(scan, original, config)
     report(f"finding floors among {len(scan.faces):,} triangles")

@@ -40,8 +40,9 @@ def main(arguments: list[str] | None = None) -> int:
             results, out = options.results / f"{shown}.json", options.out / shown
             if not options.draw:
                 call = ["ablate", str(RECIPES[name]), "--data", str(options.data)]
-                call += ["--run", str(options.run), "--split", "val_unseen", "--out", str(out)]
+                call += ["--run", str(options.run), "--out", str(out)]
                 call += ["--trainings", str(options.out / name)]
+                call += [] if options.place else ["--split", "val_unseen"]
                 if code := vlnpe([*call, *more]):
                     return code
                 shutil.copyfile(out / RESULTS_NAME, results)

@@ -47,13 +47,17 @@ class Orientation:
     the building is left out by itself."""
     floor: float | None = None
     """Height [m] at which to lay a floor inside the walls of a building that has none."""
+    ceiling: float | None = None
+    """Height [m] at which to lay a ceiling inside the walls of a building that has none. Policies
+    trained under ceilings lose their way without them."""
     allow_roof: bool = False
     """Also make levels of floors under the open sky that no stairs lead to."""
 
     def repair_config(self, *, collision: str, scene_id: str = "") -> RepairConfig:
         """Return the options of the repair."""
-        names = {"floor_m": self.floor, "collision": collision, "scene_id": scene_id}
-        return settings_of(RepairConfig, self, **names)
+        heights = {"floor_m": self.floor, "ceiling_m": self.ceiling}
+        names = {"collision": collision, "scene_id": scene_id}
+        return settings_of(RepairConfig, self, **heights, **names)
 
 
 @dataclass(frozen=True, kw_only=True)

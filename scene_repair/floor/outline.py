@@ -62,6 +62,16 @@ def cell_squares(cells: Mask) -> tuple[I64, I64]:
     return np.stack([used // width, used % width], axis=1), inverse.reshape(-1, 3).astype(np.int64)
 
 
+def cell_strips(cells: Mask) -> tuple[I64, I64]:
+    """Return the nodes (N, 2) and triangles (T, 3) of a rectangle over each run of true cells."""
+    ends = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    (row, first), (_, stop) = np.nonzero(ends == 1), np.nonzero(ends == -1)
+    corners = np.stack([row, first, row, stop, row + 1, stop, row + 1, first], axis=1)
+    base = 4 * np.arange(len(row))[:, None]
+    faces = np.concatenate([base + np.array(half) for half in ((0, 1, 2), (0, 2, 3))])
+    return corners.reshape(-1, 2).astype(np.int64), faces.astype(np.int64)
+
+
 def cell_polygons(
     cells: Mask, grid: GridSpec, window: Window | None = None, keep_straight: bool = False
 ) -> list[Array]:

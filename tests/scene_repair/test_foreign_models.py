@@ -111,10 +111,24 @@ def test_a_floor_is_laid_inside_the_walls(tmp_path: Path) -> None:
     assert record["verification"]["sound"]
 
 
-def test_a_floor_where_no_walls_are_is_refused(tmp_path: Path) -> None:
+def test_a_ceiling_is_laid_inside_the_walls(tmp_path: Path) -> None:
     source = write(shell(), tmp_path / "a.glb", y_up=True)
-    with pytest.raises(SceneError, match="--floor 50"):
-        repaired(source, floor_m=50.0)
+    bundle, record = repaired(source, floor_m=0.0, ceiling_m=2.7)
+    assert any("--ceiling" in line and "2.70 m" in line for line in record["warnings"])
+    mesh = bundle.visual()
+    corners = mesh.vertices[mesh.faces]
+    flat = np.isclose(corners[..., 2], 2.7, atol=1e-3).all(axis=1)
+    sides = np.diff(corners[flat], axis=1)
+    covered = np.abs(np.cross(sides[:, 0], sides[:, 1])[:, 2]).sum() / 2
+    assert 12 * 9 <= covered < 1.2 * 12 * 9
+    assert area(record) == pytest.approx(12 * 9, rel=0.03) and len(record["levels"]) == 1
+
+
+@pytest.mark.parametrize("sheet", ["floor", "ceiling"])
+def test_a_floor_or_ceiling_where_no_walls_are_is_refused(sheet: str, tmp_path: Path) -> None:
+    source = write(shell(), tmp_path / "a.glb", y_up=True)
+    with pytest.raises(SceneError, match=f"--{sheet} 50"):
+        repaired(source, **{f"{sheet}_m": 50.0})
 
 
 @pytest.mark.parametrize("slab_m", [0.05, 0.085, 0.0999, 0.1, 0.15])
