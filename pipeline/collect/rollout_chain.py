@@ -213,9 +213,9 @@ def _renders(
         product.frames_per_second,
         folder.frames,
         folder.root,
-        product.rgb_codec,
-        product.extras,
-        product.depth_storage,
+        rgb_codec=product.rgb_codec,
+        extras=product.extras,
+        depth_storage=product.depth_storage,
     )
 
 

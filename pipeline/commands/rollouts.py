@@ -98,7 +98,9 @@ def run_render(options: Render) -> int:
                     items = render.video_items(recorded, view, rate, out)
                     summaries.append(run_stage(context, render.VIDEO_STAGE, items, scope))
                     continue
-                items = render.items(recorded, view, rate, out, out, options.rgb_codec, extras)
+                items = render.items(
+                    recorded, view, rate, out, out, rgb_codec=options.rgb_codec, extras=extras
+                )
                 summaries.append(run_stage(context, render.STAGE, items, scope))
     return _print_summary(options, summaries)
 

@@ -52,6 +52,7 @@ def items(
     frames_per_second: int,
     frames: Path,
     base: Path,
+    *,
     rgb_codec: str = "h264",
     extras: Extras | None = None,
     depth_storage: str = "video",
