@@ -24,6 +24,7 @@ _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
+_PUT = frozenset("inside just with beside near next next_to on at there in behind under".split())
 _AUXILIARY = closed("auxiliary")
 _NOT_VERB_AFTER = closed("no verb after")
 _ALSO_NOUNS = closed("noun, too")
@@ -132,6 +133,9 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
     if not (kind or before[:1].isalpha() or is_known(word)) and after in DETERMINERS | PRONOUNS:
         return "stop"  # "defrost the fridge", "put it down": what is to be done is done there
+    where = tokens[k + 2].text if k + 2 < len(tokens) else ""
+    if kind == "leave" and after in ("it", "them") and where in _PUT:
+        return "stop"  # "leave it beside the sink"; "leave it by the left door": a room
     count = before in ORDINALS and k > 1 and tokens[k - 2].text in DETERMINERS  # "the first turn"
     noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
         before in table for table in (SLIGHT, SHARP, _NOT_VERB_AFTER)

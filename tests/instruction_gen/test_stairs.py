@@ -126,6 +126,7 @@ def test_facts_of_a_path_over_stairs(up, down):
         "climb, two flights. At the top turn right. You go into the bedroom.",
         "Morning love. Out of the kitchen, up stairs, landing left. Top R, into the bedroom. Stop.",
         "Parcel from the kitchen to the bedroom: up the stairs, right at the top, in at the door.",
+        "Through the living room, up the stairs, right at the top. Leave it in the bedroom.",
         "Walk along the living room downstairs, mind your toes, up the stairs, right and into the "
         "bedroom.",
     ],
@@ -162,6 +163,7 @@ def test_true_texts_pass(up, text):
         ("Out of the kitchen. Right up the stairs, right at the top. Stop in the bedroom.", ""),
         ("Go up the stairs, right in the middle. At the top right. Stop in the bedroom.", ""),
         ("Parcel for downstairs: up the stairs, right, put it down in the bedroom.", ""),
+        ("Through the living room, up the stairs, right. Leave it in the kitchen.", ""),
         ("Go to the stairs, up n turn left at the top, stop in the bedroom lol.", ""),
     ],
 )  # fmt: skip
