@@ -106,7 +106,7 @@ def test_plans_keep_their_promises(kind: str) -> None:
                 low, high = plan.rooms[o.room].span(o.axis)
                 assert low < o.start_m < o.end_m < high
                 assert o.kind == "window" or o.end_m - o.start_m >= 0.8
-        outlines.add(tuple(np.round(storeys[0].bounds().ravel(), 1)))
+        outlines.add(tuple(np.round(storeys[0].bounds().ravel(), 2)))
     assert len(outlines) == 25
 
 
