@@ -39,8 +39,9 @@ def write_unit(
     camera_name: str = "front",
     hfov_deg: float = 90.0,
     rendered_as: str = "video",
+    units: Path | None = None,
 ) -> Path:
-    """Encode images and write the unit `root/unit-<number>`."""
+    """Encode images in `root` and write `unit-<number>` there, or in the folder `units`."""
     frames: dict[str, Any] = make_frames(rollout, frames_per_second)
     rgb, depth = images or make_images(len(frames["sample_index"]), number)
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
@@ -54,7 +55,7 @@ def write_unit(
     if counted:
         frames |= {"rgb_counts": rgb_counts, "depth_counts": depth_counts}
     camera = CameraModel(camera_name, rgb.shape[2], rgb.shape[1], hfov_deg)
-    folder = root / f"unit-{number}"
+    folder = (units or root) / f"unit-{number}"
     seen = FrameFolder(
         rgb_video=rgb_path,
         depth_video=depth_path,

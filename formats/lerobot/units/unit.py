@@ -20,6 +20,7 @@ import numpy as np
 import pyarrow as pa
 
 from ...core.arrays import F32, I64, U16
+from ...core.atomic import TEMPORARY_PREFIX
 from ...core.camera import CameraModel, DepthRange
 from ...core.errors import FileFormatError, check_name
 from ...core.rollout import Rollout
@@ -115,7 +116,9 @@ def write_episode_unit(
     rgb = _checked_video(frames.rgb_video, table, frames.camera)
     depth = _checked_video(frames.depth_video, table, frames.camera)
     if depth.codec == CODEC and depth_storage == "video":
-        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".vlnpe-tmp-") as temporary:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        prefix = f"{TEMPORARY_PREFIX}{folder.name}."  # as `sweep_beside` knows it
+        with tempfile.TemporaryDirectory(dir=folder.parent, prefix=prefix) as temporary:
             video, limits = Path(temporary) / "depth.mp4", DepthRange(ANY_NEAR_M, depth_range.far_m)
             images = iterate_depth_video(frames.depth_video, depth_range)
             write_depth_video(video, images, rate, limits)

@@ -2,6 +2,7 @@
 
 import io
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -25,10 +26,12 @@ from tests.support.lerobot_data import (
 from tests.support.rollouts import make_images, make_rollout
 from vlnpe.datasets.episode_index import read_index
 from vlnpe.datasets.episode_reader import EpisodeReader
+from vlnpe.formats.core.atomic import sweep_beside
 from vlnpe.formats.core.errors import FileFormatError, UnknownNameError
 from vlnpe.formats.lerobot import FileLimits, assemble_dataset, read_episode_unit
 from vlnpe.formats.video.depth_codes import decode_depth_tiff, encode_depth_tiff
 from vlnpe.formats.video.depth_images import write_depth_images
+from vlnpe.formats.video.mp4 import write_depth_video
 
 pytestmark = pytest.mark.usefixtures("offline")
 SECONDS = (3.0, 0.0, 1.5)
@@ -161,6 +164,23 @@ def test_how_depth_was_rendered_does_not_show_in_a_unit(tmp_path: Path, stored: 
     for name in {"rows.parquet", "unit.json", *([f"{DEPTH}.mp4"] if stored == "video" else [])}:
         one, two = (unit / name for unit in units)
         assert one.read_bytes() == two.read_bytes(), name
+
+
+def test_images_become_a_video_in_a_new_folder_and_a_kill_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, killed = tmp_path / "new" / "units", tmp_path / "killed"
+
+    def seen_meanwhile(*options: Any) -> int:
+        shutil.copytree(folder, killed)  # what a process would leave that is killed here
+        return write_depth_video(*options)
+
+    monkeypatch.setattr("vlnpe.formats.lerobot.units.unit.write_depth_video", seen_meanwhile)
+    path = write_unit(tmp_path, make_rollout(1.0), rendered_as="image", units=folder)
+    assert read_episode_unit(path).length == 5
+    assert list(folder.iterdir()) == [path] and list(killed.iterdir())
+    sweep_beside([killed / path.name])
+    assert not list(killed.iterdir())
 
 
 def test_depth_frames_must_be_alike(tmp_path: Path) -> None:
