@@ -25,7 +25,7 @@ OUTSIDE_RADIUS_M = 0.75
 MARGIN_M = 2.0
 # Where walls are looked for that carry a ceiling: over doors and windows, but not at their ends.
 BELOW_CEILING_M = np.array([0.1, 0.2, 0.3, 0.4, 0.5])
-ENDS = {"floor": "begin", "ceiling": "end"}
+WHERE = {"floor": ("above", "begin"), "ceiling": ("below", "end")}
 
 
 def with_floor(scan: Scan, source_to_world: Array, height_m: float) -> Scan:
@@ -48,7 +48,10 @@ def with_ceiling(scan: Scan, source_to_world: Array, height_m: float) -> Scan:
 
 
 def _with_sheet(scan: Scan, source_to_world: Array, kind: str, at_m: float, walls_m: Array) -> Scan:
-    """Return the scan with a sheet at the height `at_m`, inside walls `walls_m` above it."""
+    """Return the scan with a sheet at the height `at_m`, inside walls `walls_m` (n,) above it.
+
+    Under a ceiling these are negative.
+    """
     mesh = WorldMesh.of(scan, source_to_world)
     lower, upper = robust_bounds(mesh.vertices, mesh.faces)
     grid = GridSpec.covering(lower[:2] - MARGIN_M, upper[:2] + MARGIN_M, CELL_M)
@@ -58,9 +61,10 @@ def _with_sheet(scan: Scan, source_to_world: Array, kind: str, at_m: float, wall
     outside = distance_to(parts == parts[0, 0]) <= radius
     inside = ~outside & ~wall
     if not inside.any():
+        (side, ends), (near, *_, far) = WHERE[kind], np.abs(walls_m)
         raise SceneError(
-            f"--{kind} {at_m:g}: no walls enclose a place {walls_m[0]:g} to {walls_m[-1]:g} m "
-            f"above it; valid: the height at which its walls {ENDS[kind]}"
+            f"--{kind} {at_m:g}: no walls enclose a place {near:g} to {far:g} m {side} it; "
+            f"valid: the height at which its walls {ends}"
         )
     # Under the walls, too, so that rooms join at doors and no slit stays open at their feet.
     tiles = ndimage.binary_closing(inside | wall, iterations=2) & ~outside

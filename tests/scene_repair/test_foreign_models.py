@@ -124,6 +124,21 @@ def test_a_ceiling_is_laid_inside_the_walls(tmp_path: Path) -> None:
     assert area(record) == pytest.approx(12 * 9, rel=0.03) and len(record["levels"]) == 1
 
 
+@pytest.mark.parametrize(
+    ("laid", "reason"),
+    [
+        ({"floor_m": 9.0}, r"--floor 9: .* a place 0\.\d+ to \d\.\d+ m above it; .* walls begin"),
+        ({"ceiling_m": 9.0}, r"--ceiling 9: .* a place 0\.1 to 0\.5 m below it; .* walls end"),
+    ],
+)
+def test_nothing_is_laid_where_no_walls_are(
+    laid: dict[str, float], reason: str, tmp_path: Path
+) -> None:
+    source = write(shell(), tmp_path / "a.glb", y_up=True)
+    with pytest.raises(SceneError, match=reason):
+        repaired(source, **laid)
+
+
 @pytest.mark.parametrize("sheet", ["floor", "ceiling"])
 def test_a_floor_or_ceiling_where_no_walls_are_is_refused(sheet: str, tmp_path: Path) -> None:
     source = write(shell(), tmp_path / "a.glb", y_up=True)
