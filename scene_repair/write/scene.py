@@ -73,8 +73,9 @@ class Repaired:
 
     Attributes:
         source: the scan's file.
-        scan: what it held, in source coordinates.
-        way: how it lies in the world.
+        scan: what it held, in source coordinates, without the parts left out and what was cut out
+            of slabs, and with the sheets that were laid.
+        orientation: how it lies in the world.
         boxes: labels from beside it.
         original: the scan in the world, with slabs opened over flights.
         floors: the floors of all levels, lowest first.
