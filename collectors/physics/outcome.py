@@ -1,7 +1,7 @@
 """The ends of an episode other than the robot's own decision.
 
-Fall and stuck follow the VLN-PE paper (see the design, §2); on stairs, pitch counts against the
-slope underfoot.
+Fall and stuck follow the VLN-PE paper (see the design, §2); on stairs, the pitch of a trunk that
+leans counts against the slope underfoot.
 """
 
 import math

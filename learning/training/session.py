@@ -119,15 +119,22 @@ def training_folder(request: Request, planned: Planned, seed: int) -> Path:
     return request.out / f"{planned.config.model.name}-s{seed}-{training_key(planned, seed)}"
 
 
+def trained(request: Request, planned: Planned, seed: int) -> Path | None:
+    """Return the checkpoint in its `training_folder`, None if the training is not done."""
+    folder = training_folder(request, planned, seed)
+    checkpoint = folder / f"{planned.config.model.name}{SUFFIX}"
+    return checkpoint if (folder / _DONE).is_file() and checkpoint.is_file() else None
+
+
 def train_once(request: Request, planned: Planned, seed: int) -> Path:
     """Train into its `training_folder`, unless that was done; return the checkpoint."""
-    name, folder = planned.config.model.name, training_folder(request, planned, seed)
-    checkpoint, done = folder / f"{name}{SUFFIX}", folder / _DONE
-    if not (done.is_file() and checkpoint.is_file()):
-        result = train_recipe(replace(request, out=folder, seed=seed), planned)
-        (folder / "state.pt").unlink(missing_ok=True)
-        write_bytes(done, f"{file_digest(result.checkpoint)}\n".encode())
-    return checkpoint
+    done, folder = trained(request, planned, seed), training_folder(request, planned, seed)
+    if done is not None:
+        return done
+    result = train_recipe(replace(request, out=folder, seed=seed), planned)
+    (folder / "state.pt").unlink(missing_ok=True)
+    write_bytes(folder / _DONE, f"{file_digest(result.checkpoint)}\n".encode())
+    return result.checkpoint
 
 
 def _more(request: Request) -> Iterator[tuple[str, Selection]]:

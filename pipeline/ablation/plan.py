@@ -86,7 +86,7 @@ def plan_ablation(options: Ablate, recipe: Recipe, recipe_sha256: str) -> Ablati
             out=options.out,
             mixture=row.mixture,
             changes=changes,
-            cache=(options.trainings or options.out) / CACHE,
+            cache=options.out / CACHE,
             recipe_sha256=recipe_sha256,
             holdout=holdout,
         )

@@ -140,8 +140,8 @@ class Ablate(Parallel):
     out: Path = Path("runs/ablation")
     """Output folder for results, checkpoints, walks and decoded images."""
     trainings: Path | None = None
-    """Output folder of another ablation of the recipe, whose checkpoints and decoded images are
-    used and completed: to test the same trainings in another --run. Defaults to --out."""
+    """Output folder of another ablation of the recipe, whose checkpoints are used and completed: to
+    test the same trainings in another --run. Defaults to --out."""
     rows: str = ""
     """Rows to measure, separated by semicolons; all by default. Rows whose data is missing are left
     out with a warning."""

@@ -102,6 +102,9 @@ def test_from_recipe_to_answer_and_again_without_training_or_walking(
     (row,) = json.loads(capsys.readouterr().out.splitlines()[-1])["rows"]
     assert {cell["checkpoint_sha256"] for cell in row["seeds"].values()} <= shas
     assert not (other / TRAININGS).exists() and not (other / CACHE).exists()
+    call[call.index("--trainings") + 1] = str(tmp_path / "mistyped")
+    assert main(call) == 2
+    assert "mistyped: no such folder" in capsys.readouterr().err
 
 
 def test_a_killed_training_ends_as_if_it_had_not_been(

@@ -239,8 +239,8 @@ def _smooth(share):
 def _height(tables, level, x):
     """Return the height (rows,) under a foot at x: at the highest row under its sole."""
     row = int(np.rint((x - tables.first_m) / tables.spacing_m))
-    last = len(level) - 1
-    return level[min(max(row - tables.sole, 0), last) : min(row + tables.sole, last) + 1].max()
+    row = min(max(row, 0), len(level) - 1)
+    return level[max(row - tables.sole, 0) : row + tables.sole + 1].max()
 
 
 @called()

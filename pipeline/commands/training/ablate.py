@@ -1,7 +1,8 @@
 """`vlnpe ablate`: train a policy on each mixture of a recipe, let it walk, and compare."""
 
-from ....formats.core.atomic import file_digest, sweep
-from ...engine.lock import lock
+from ....formats.core.atomic import file_digest
+from ....formats.core.errors import InputError
+from ...engine.lock import lock, sweep_unlocked
 from ...options.training import Ablate
 from ...summary import print_result
 from .missing import commands_for_missing
@@ -18,6 +19,10 @@ def run(options: Ablate) -> int:
     from ...ablation.plan import plan_ablation
     from ...ablation.results import results_json, write_results
 
+    if options.trainings is not None and not options.trainings.is_dir():
+        raise InputError(
+            f"--trainings {options.trainings}: no such folder; valid: --out of an ablation"
+        )
     path = recipe_path(options.recipe)
     with commands_for_missing(options.data):
         ablation = plan_ablation(options, read_recipe(path), file_digest(path))
@@ -25,7 +30,8 @@ def run(options: Ablate) -> int:
     cells: dict[tuple[str, str, int], CellResult] = {}
     value = results_json(ablation, cells)
     with lock(options.out):
-        sweep(options.out)
+        # What others train or decode for their own walks is locked; see `train`.
+        sweep_unlocked(options.out)
         for cell, result in measure(ablation, options):
             cells[cell] = result
             value = results_json(ablation, cells)

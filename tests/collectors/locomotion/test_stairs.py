@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from vlnpe.collectors.locomotion.runtime.card import PolicyMismatchError, load_card, save_card
+from vlnpe.collectors.locomotion.runtime.footholds import _height
 from vlnpe.collectors.locomotion.runtime.footing import POWERS, Footing
 from vlnpe.collectors.locomotion.runtime.network import encode_layers
 from vlnpe.collectors.locomotion.runtime.observation import layout
@@ -294,6 +295,16 @@ def test_a_humanoid_comes_down_steps_on_its_footing():
     plain = policy.changed(policy.robot, replace(policy.card, footing=None))
     rows = [climb(gait, 0.10, 8, np.random.default_rng(77)) for gait in (policy, plain)]
     assert rows[0]["down_arrived"] >= 0.6 > 0.5 >= rows[1]["down_arrived"]
+
+
+@pytest.mark.parametrize("sole_m", (0.0, 0.11))
+def test_a_foot_beyond_the_scan_stands_on_its_first_or_last_row(footed: GaitPolicy, sole_m: float):
+    assert footed.card.footing is not None
+    tables = replace(footed.card.footing, sole_m=sole_m).tables(footed.card.gait)
+    level = np.arange(27.0)
+    rows = round(sole_m / 0.04)
+    assert [_height(tables, level, x) for x in (-0.44, -0.52, -0.9)] == [rows] * 3
+    assert [_height(tables, level, x) for x in (0.6, 0.9)] == [26.0] * 2
 
 
 def test_a_scan_turns_with_the_robot():
