@@ -13,6 +13,7 @@ from .treads import ScannedTread
 STEEPEST_RISER_M, SHORTEST_GOING_M, NARROWEST_M, STRAIGHT_DEG = 0.22, 0.2, 0.6, 20.0
 # So much of each tread lies where evenly spaced risers of its flight put it, within this distance.
 REGULAR_SHARE, REGULAR_M = 0.75, 0.04
+LEAST_POINTS = 3  # of a tread that has long and short sides
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ def measure_flight(
     ]
     half = max(2, (len(steps) + 1) // 2)
     first, second = _step(middle[:half]), _step(middle[-half:])
-    turn = np.degrees(np.arccos(first @ second / np.linalg.norm(first) / np.linalg.norm(second)))
+    cross = first[0] * second[1] - first[1] * second[0]
+    turn = np.degrees(np.arctan2(abs(cross), first @ second))
     problem = ""
     if headroom < PASSAGE_M:
         problem = f"has {headroom:.2f} m of free height above it"
@@ -109,11 +111,13 @@ def _ahead(steps: Sequence[ScannedTread], step: Array) -> Array:
     """Return the unit vector across the treads' long sides, in the direction of `step` (2,)."""
     angles = []
     for tread in steps:
+        if len(tread.points_m) < LEAST_POINTS:
+            continue
         _, axes = np.linalg.eigh(np.cov(tread.points_m[:, :2].T))
         # A tread is wider than it is long; its axes change roles if it is not.
         axis = axes.T[np.argmax(np.abs(step @ axes))]
         angles.append(np.arctan2(step[0] * axis[1] - step[1] * axis[0], step @ axis))
-    turn = np.median((np.array(angles) + np.pi / 2) % np.pi - np.pi / 2)
+    turn = np.median((np.array(angles or [0.0]) + np.pi / 2) % np.pi - np.pi / 2)
     c, s = np.cos(turn), np.sin(turn)
     return np.array([[c, -s], [s, c]]) @ step / np.linalg.norm(step)
 

@@ -13,10 +13,11 @@ from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.pipeline.stages.scenes.outputs import facts_of
 from vlnpe.scene_repair.grid.columns import sample_columns
-from vlnpe.scene_repair.storeys.flights import Flight
+from vlnpe.scene_repair.storeys.flights import Flight, measure_flight
 from vlnpe.scene_repair.storeys.levels import ScannedFloor
 from vlnpe.scene_repair.storeys.staircases import find_staircases
 from vlnpe.scene_repair.storeys.surfaces import find_surfaces
+from vlnpe.scene_repair.storeys.treads import ScannedTread
 
 GRID = GridSpec((-4.0, -4.0), 0.025, 320, 320)
 
@@ -113,3 +114,18 @@ def test_the_record_of_a_repair_has_the_flights(tmp_path: Path) -> None:
     assert flight["problem"].startswith("is steep: risers up to 30 cm")
     (text,) = facts_of(log)["stairs"]
     assert text.startswith("level 0 to 1: 1 flight, 11 risers up to 30.")
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_tread_of_which_one_sample_was_scanned_does_not_tell_a_direction() -> None:
+    x, y = (
+        axis.ravel() for axis in np.meshgrid(np.arange(0.02, 0.28, 0.04), np.arange(0, 1, 0.04))
+    )
+    treads = []
+    for k in range(6):
+        points = np.column_stack([x + 0.28 * k, y, np.full(len(x), 0.17 * k)])
+        points = points[len(x) // 2 :][:1] if k == 3 else points
+        treads.append(ScannedTread(points, points, 0.17 * k, np.inf))
+    flight = measure_flight(treads, (0, 1), 0.04)
+    assert abs(flight.direction_world_deg) < 3.0 and abs(flight.going_m - 0.28) < 0.02
+    assert flight.problem in ("", "is irregular: tread 3 is not where the others put it")
