@@ -1,9 +1,11 @@
 """Cut a text into clauses, each with at most one verb that matters."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from .claims import Claim
+from .lexicon import noun_kind
+from .phrases import read_side
 from .tables import closed
 from .tokens import Token
 from .words import (
@@ -24,7 +26,9 @@ _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
-_PUT = frozenset("inside just with beside near next next_to on at there in behind under".split())
+# Where a thing may be put down, and where a room may be left as well.
+_PUT = frozenset("inside just with beside near next in under".split())
+_PUT_OR_OUT = frozenset("on at there behind".split())
 _AUXILIARY = closed("auxiliary")
 _NOT_VERB_AFTER = closed("no verb after")
 _ALSO_NOUNS = closed("noun, too")
@@ -92,6 +96,10 @@ class Clause:
 
 def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
     """Return the clauses of a text; some may be empty."""
+    tokens = [
+        replace(token, text="deliver") if _puts_down(tokens, k) else token
+        for k, token in enumerate(tokens)
+    ]
     result = [Clause([])]
     sentence = 0
     for k, token in enumerate(tokens):
@@ -116,6 +124,24 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
     return result
 
 
+def _puts_down(tokens: Sequence[Token], k: int) -> bool:
+    """Return whether token `k` begins `leave it beside the sink`, where `it` is no room."""
+    if VERB_OF.get(tokens[k].text) != "leave":
+        return False
+    words = [token.text for token in tokens[k:]] + [".", "."]
+    if words[1] not in ("it", "them"):
+        return False
+    if words[2] not in _PUT_OR_OUT:
+        return words[2] in _PUT
+    side = read_side(tokens, k + 2)
+    end = next(n for n, word in enumerate(words) if word in _ENDS | _BREAKS | JOINTS)
+    if (words[2] == "behind" and end == 3) or (side and side[2] == k + end):
+        return False  # "leave it behind", "leave it on the left"
+    # "Leave it at the far door. Turn left …"
+    goes_on = any(verb_at(tokens, n) not in ("", "see") for n in range(k + end, len(tokens)))
+    return not (goes_on and any(noun_kind(word) == "door" for word in words[3:end]))
+
+
 def _begins(tokens: Sequence[Token], k: int) -> bool:
     """Return whether a clause with a verb of its own begins: `before you reach the sofa`."""
     if k < len(tokens) and tokens[k].text in ("you", "it"):
@@ -133,9 +159,6 @@ def verb_at(tokens: Sequence[Token], k: int) -> str:
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
     if not (kind or before[:1].isalpha() or is_known(word)) and after in DETERMINERS | PRONOUNS:
         return "stop"  # "defrost the fridge", "put it down": what is to be done is done there
-    where = tokens[k + 2].text if k + 2 < len(tokens) else ""
-    if kind == "leave" and after in ("it", "them") and where in _PUT:
-        return "stop"  # "leave it beside the sink"; "leave it by the left door": a room
     count = before in ORDINALS and k > 1 and tokens[k - 2].text in DETERMINERS  # "the first turn"
     noun = (before in DETERMINERS and before not in ("that", "this", "both", "all")) or any(
         before in table for table in (SLIGHT, SHARP, _NOT_VERB_AFTER)

@@ -11,7 +11,8 @@ from .tables import closed, kind_of_word
 from .words import LONGEST_PHRASE, NUMBERS, PREP_OF, VERB_OF, phrases
 
 _TOKEN = re.compile(
-    r"b4\b|[A-Za-z]+(?:[-'][A-Za-z]+)*|\d+(?:\.\d+)?(?:[-–]\d+|st|nd|rd|th)?|[^\sA-Za-z\d]",
+    r"b4\b|[A-Za-z]+(?:[-'][A-Za-z]+)*[²³]?|\d+(?:\.\d+)?(?:[-–]\d+(?:\.\d+)?|st|nd|rd|th)?"
+    r"|[^\sA-Za-z\d]",
     re.IGNORECASE,
 )
 # What is written short: "ur".

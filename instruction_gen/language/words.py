@@ -58,9 +58,9 @@ def number_of(word: str) -> float | None:
     """Return the value of a number in words or digits, None for other words."""
     if word in NUMBERS:
         return NUMBERS[word]
-    low, _, high = word.replace("–", "-").partition("-")
-    if low.replace(".", "", 1).isdigit():  # "4-5"
-        return 0.5 * (float(low) + float(high)) if high.isdigit() else float(low)
+    ends = word.replace("–", "-").split("-")  # "4-5"
+    if len(ends) < 3 and all(end.replace(".", "", 1).isdecimal() for end in ends):
+        return sum(map(float, ends)) / len(ends)
     return None
 
 

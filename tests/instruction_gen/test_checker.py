@@ -366,6 +366,26 @@ def test_what_words_refer_to_is_read(text, claim):
     assert claim in [(c.kind, c.name, c.side) for step in read_text(text) for c in step.claims]
 
 
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        # A room is left, by a door or on a side.
+        ("Cross the office and leave it at the far door. Turn left and stop.", "in door turn stop"),
+        ("Go through the kitchen, leave it on the left and stop.", "in turn stop"),
+        ("Cross the office and leave it behind. Turn left and stop.", "in turn stop"),
+        # A thing is put down.
+        ("Go into the kitchen. Leave it at the door.", "enter stop"),
+        ("Turn right and into the kitchen. Leave it there.", "turn enter stop"),
+        ("Go right, leave it on the hallway rug.", "turn stop"),
+        ("Turn left. Leave it behind the sofa, then come back.", "turn stop"),
+        ("Go right. Leave it just inside, by the refrigerator.", "turn stop"),
+        ("Turn left. Leave it with the table on your left.", "turn stop"),
+    ],
+)
+def test_a_room_is_left_and_a_thing_is_put_down(text, told):
+    assert [c.kind for step in read_text(text) for c in step.claims] == told.split()
+
+
 def test_a_side_of_nothing_is_unchecked(two_rooms):
     text = "Turn left into the kitchen, and you will see it all on your right. Stop at the table."
     assert "right" in check_text(text, Ground(facts_of(LEFT, two_rooms))).unchecked
@@ -412,3 +432,6 @@ def test_numbers_are_read(two_rooms):
     assert metres("Walk a metre and a half and stop.") == [1.5]
     assert metres("Go for two hundred feet and stop.") == [pytest.approx(61.0)]
     assert np.isclose(metres("Take a few steps and stop.")[0], 2.0)
+    assert metres("Walk 1-1.5 m and stop.") == [1.25]
+    assert metres("Walk 4–5 m and stop.") == [4.5]
+    assert metres("Cross the 12 m² room and stop.") == []

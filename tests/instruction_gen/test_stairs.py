@@ -257,6 +257,8 @@ def _swapped(words):
         ("Take the stairs leading down.", ["climb down stairs"]),
         ("Walk over to the staircase. Go up it.", ["reach staircase", "climb up"]),
         ("Head downstairs.", ["climb down"]),
+        ("Drop down the stairs and stop at the sofa.", ["climb down stairs"]),
+        ("Drop into the hall, drop the parcel at the sofa.", ["enter hall"]),
         ("Step down to the ground floor.", ["climb down", "in ground floor"]),
         ("Turn left at the top of the steps.", ["reach stairs top", "turn left"]),
         ("Walk down the hall on the second floor.", ["in hall", "in second floor"]),
