@@ -85,7 +85,7 @@ def costs_to_move(
         late = np.maximum(_rooms_before(ground, 0.9 + one) - one, 0.0)
         add(0.75 * WRONG * late, f"the path does not start in {name}")
     if kind == "stop":
-        add(ramp(end - there, 0.0, 0.1), "the path goes on")
+        add(ramp(end - there, 0.0, 0.1), f"the path goes on from {name if claim.what else 'here'}")
         if not claim.what:
             add(ramp(went, 2.2, 3.6), "the path goes on farther than what is named before")
         elif claim.what == "thing" and not (claim.room or claim.ordinal):
