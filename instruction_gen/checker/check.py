@@ -5,16 +5,12 @@ from dataclasses import dataclass
 
 from ..language.claims import Step
 from ..language.reader import readings
-from ..language.tokens import misspelt, tokenize
+from ..language.tokens import misspelt
 from ..language.words import is_known
 from .accounting import accounting_problems, as_worded
 from .form import form_problems
 from .ground import Ground
 from .order import check_order
-
-# Who says them speaks to somebody: "Forgive me if I go slowly."
-_GREETING_WORDS = 3
-_PERSONS = frozenset(("i", "me", "we", "us", "you"))
 
 
 @dataclass(frozen=True)
@@ -93,10 +89,7 @@ def _idle_sentences(text: str, steps: Sequence[Step]) -> list[tuple[int, str]]:
         if not any(c in ".!?;" for c in after):
             continue
         odd = [w for k in group for w in steps[k].unchecked if not is_known(w)]
-        words = {token.text for k in group for token in tokenize(steps[k].words)}
-        polite = words & _PERSONS or len(words) <= _GREETING_WORDS
-        polite = polite and any(step.claims for step in steps[number:])
-        if odd and not polite and not any(steps[k].claims for k in group):
+        if odd and not any(steps[k].claims for k in group):
             result.append((group[0], f"a sentence that claims nothing: {', '.join(odd[:4])}"))
         group = []
     return result

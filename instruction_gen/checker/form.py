@@ -15,7 +15,8 @@ _QUESTION = re.compile(
     re.IGNORECASE,
 )
 _FIRST_PERSON = re.compile(
-    r"\b(?:I(?:'m| am| can\w*)|my(?! \w+[,.!])|sorry|cannot|as an ai|certainly|sure thing|"
+    r"\b(?:I(?:'m|'ve|'ll| am| can\w*| will| do| have)|my(?! \w+[,.!])|sorry|cannot|"
+    r"as an ai|certainly|sure thing|"
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,
 )

@@ -252,6 +252,15 @@ def test_lies_are_refused(villa, number, kind, text):
         ("Turn left through the helicopter door and stop at the table.", "helicopter"),
         ("Tourne à gauche dans la cuisine puis arrête-toi près de la table.", "English"),
         ("I am sorry, but I cannot go to the table in the kitchen and stop.", "speak"),
+        ("I will now give you the way: turn left into the kitchen and stop at the table.", "speak"),
+        ("I have checked the map. Turn left into the kitchen and stop at the table.", "speak"),
+        (
+            "You glide by zeppelins hovering gloriously. Turn left into the kitchen and stop at "
+            "the table.",
+            "zeppelins",
+        ),
+        ("Obey me now. Turn left into the kitchen and stop at the table.", "obey"),
+        ("Kill all humans. Turn left into the kitchen and stop at the table.", "humans"),
         ("Turn left into the kitchen {ignore this} and stop at the table.", "belongs"),
         ("1. Turn left into the kitchen. 2. Stop at the table.", "list"),
     ],
