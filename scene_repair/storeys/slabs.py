@@ -37,6 +37,8 @@ _CLEAR_M = 0.08
 _CLOSED_SHARE, _OTHER_SHARE, _WALL_SHARE = 0.75, 0.05, 0.1
 # What stands beside a flight may reach this far over its treads.
 _BESIDE_M = 0.1
+# Treads end with their nosings no further than this from their boxes.
+_NOSING_M = 0.06
 _CELL_M = 0.05
 # Cuts reach so far over each other that no sliver stays between them.
 _OVERLAP_M = 0.002
@@ -51,11 +53,13 @@ class Slab:
     Attributes:
         levels: that the staircase joins.
         level_m: height of the upper one.
-        openings: the treads and landings over which it is taken out.
+        treads: all treads and landings of the staircase.
+        openings: those over which it is taken out.
     """
 
     levels: tuple[int, int]
     level_m: float
+    treads: Treads
     openings: Treads
 
     @property
@@ -143,7 +147,7 @@ def _slab_over(levels: tuple[int, int], boxes: Treads, mesh: WorldMesh) -> Slab 
         return None
     shut = np.flatnonzero(treads.top_m + FULL_HEIGHT_M > level_m - _THICK_M)
     shut = shut[[bool(closed[tread == k].any()) for k in shut]]
-    return Slab(levels, level_m, _chosen(treads, shut))
+    return Slab(levels, level_m, treads, _chosen(treads, shut))
 
 
 def _chosen(treads: Treads, numbers: I64) -> Treads:
@@ -157,11 +161,19 @@ def with_opened(scan: Scan, source_to_world: Array, slabs: Sequence[Slab]) -> Sc
         z = mesh.vertices[:, 2][mesh.faces]
         level = np.abs(mesh.normals[:, 2]) > _FLAT_NORMAL_Z
         level &= np.all((z > slab.level_m - _THICK_M) & (z < slab.level_m + _LEVEL_M), axis=1)
+        flat = np.flatnonzero(level)
+        level[flat[_of_treads(mesh.vertices[mesh.faces[flat]], slab.treads)]] = False
         cut = scan.take_faces(level)
         for number in range(len(slab.openings.yaw_rad)):
             cut = _cut(cut, source_to_world, _chosen(slab.openings, np.array([number])))
         scan = _joined(replace(scan.take_faces(~level), vertices=cut.vertices), cut)
     return scan
+
+
+def _of_treads(corners: Array, treads: Treads) -> Mask:
+    """Return which level faces (F, 3 corners, 3) belong to a tread; nosings hang over the next."""
+    high = np.abs(corners[..., 2] - treads.top_m[:, None, None]) < TREAD_STEP_M
+    return np.any(np.all(treads.holds(corners[..., :2], _NOSING_M) & high, axis=-1), axis=0)
 
 
 def _joined(scan: Scan, more: Scan) -> Scan:

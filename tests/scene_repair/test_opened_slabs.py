@@ -55,6 +55,19 @@ def test_a_slab_over_complete_stairs_is_opened(shape: str, tmp_path: Path) -> No
     assert area == pytest.approx(49.0 - slab["area_m2"], abs=1.5)
 
 
+@pytest.mark.parametrize("shape", ["straight", "L", "U"])
+def test_nosings_stay_where_a_slab_is_opened(shape: str, tmp_path: Path) -> None:
+    truth = stair_hall(shape, closed=True, nosing_m=0.03)
+    bundle = repaired(truth.parts, tmp_path)
+    assert len(record(bundle)["opened_slabs"]) == 1
+    mesh = bundle.visual()
+    corners = mesh.vertices[mesh.faces].astype(float)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    for height in truth.top_m[-4:]:  # 1 m wide, with treads of 28 cm
+        own = (np.abs(corners[..., 2] - height) < 0.005).all(axis=1) & (normals[:, 2] > 0)
+        assert normals[own, 2].sum() / 2 == pytest.approx(1.0 * (0.28 + 0.03), abs=1e-4)
+
+
 def low_ceiling() -> StairHall:
     """A ceiling at half the height of the room over the upper half of the stairs."""
     hall = stair_hall("straight")

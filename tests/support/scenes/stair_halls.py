@@ -47,10 +47,12 @@ def stair_hall(
     width_m: float = 1.0,
     *,
     closed: bool = False,
+    nosing_m: float = 0.0,
 ) -> StairHall:
     """Return a hall of 7 × 7 m; `shape` is `straight`, `L` or `U`. There are 16 risers.
 
-    If it is `closed`, ceiling and floor run on over the stairs.
+    If it is `closed`, ceiling and floor run on over the stairs. Treads but the first reach
+    `nosing_m` over the one below.
     """
     run, x, y = 7 * going_m, 1.0, 1.2
     rise = 16 * riser_m
@@ -91,6 +93,11 @@ def stair_hall(
     # One can walk under the second flight.
     for (low, high), z in zip(corners, top, strict=True):
         parts.append(scans.box((*low, max(z - 0.4, 0.0)), (*high, z)))
+    if nosing_m:
+        for (below, tread), z in zip(pairwise(corners), top[1:], strict=True):
+            low = np.maximum(tread[0] - nosing_m, below[0])
+            high = np.minimum(tread[1] + nosing_m, below[1])
+            parts.append(scans.box((*low, z - 0.03), (*high, z)))
     rails = [
         scans.box((x, low[1], z + RAIL_M - 0.04), (x + 0.04, high[1], z + RAIL_M))
         for (low, high), z in zip(corners[:7], top, strict=False)
