@@ -33,7 +33,7 @@ from .storeys.levels import (
     ceilings_in_floors,
     find_levels,
 )
-from .storeys.slabs import Slab, slabs_over, with_opened
+from .storeys.slabs import Slab, slabs_over, with_levels_of, with_opened
 from .storeys.staircases import ScannedStaircase, find_staircases
 from .storeys.surfaces import find_surfaces
 from .verify.scene import probe_level
@@ -113,7 +113,9 @@ def repair_scene(
         report(f"opening {counted(len(slabs), 'slab')} over flights of stairs")
         scan = with_opened(scan, orientation.source_to_world, slabs)
         original = WorldMesh.of(scan, orientation.source_to_world)
+        before = storeys.floors
         storeys = _find_floors(original, fine, not_floor(scan), config)
+        slabs = with_levels_of(slabs, before, storeys.floors)
     _check_voxels(scan, storeys.floors, config)
     ceilings = storeys.ceilings
     clear = original.lowered(ceilings, CEILING_DROP_M) if ceilings.any() else original

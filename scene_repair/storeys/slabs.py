@@ -170,6 +170,18 @@ def with_opened(scan: Scan, source_to_world: Array, slabs: Sequence[Slab]) -> Sc
     return scan
 
 
+def with_levels_of(
+    slabs: Sequence[Slab], before: Sequence[ScannedFloor], after: Sequence[ScannedFloor]
+) -> list[Slab]:
+    """Return the slabs, found with floors `before`, with the levels of the same height `after`."""
+    height_m = np.array([floor.floor_z_m for floor in after])
+
+    def level(number: int) -> int:
+        return int(np.abs(height_m - before[number].floor_z_m).argmin())
+
+    return [replace(slab, levels=(level(slab.levels[0]), level(slab.levels[1]))) for slab in slabs]
+
+
 def _of_treads(corners: Array, treads: Treads) -> Mask:
     """Return which level faces (F, 3 corners, 3) belong to a tread; nosings hang over the next."""
     high = np.abs(corners[..., 2] - treads.top_m[:, None, None]) < TREAD_STEP_M

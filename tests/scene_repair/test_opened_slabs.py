@@ -12,6 +12,10 @@ from tests.support.scenes.repairs import repaired
 from tests.support.scenes.stair_halls import SLAB_M, StairHall, stair_hall
 from vlnpe.formats.core.geometry import triangle_normals
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.formats.scene.staircase import Treads
+from vlnpe.scene_repair.storeys.levels import ScannedFloor
+from vlnpe.scene_repair.storeys.slabs import Slab, with_levels_of
 
 pytestmark = pytest.mark.chain
 
@@ -66,6 +70,17 @@ def test_nosings_stay_where_a_slab_is_opened(shape: str, tmp_path: Path) -> None
     for height in truth.top_m[-4:]:  # 1 m wide, with treads of 28 cm
         own = (np.abs(corners[..., 2] - height) < 0.005).all(axis=1) & (normals[:, 2] > 0)
         assert normals[own, 2].sum() / 2 == pytest.approx(1.0 * (0.28 + 0.03), abs=1e-4)
+
+
+def test_levels_of_slabs_are_matched_by_height() -> None:
+    grid, none = GridSpec((0.0, 0.0), 0.05, 1, 1), np.zeros((0, 3))
+    before, after = (
+        [ScannedFloor(grid, np.full((1, 1), z), z) for z in heights]
+        for heights in ((0.0, 2.7, 5.4), (-2.6, 0.01, 1.4, 2.69, 5.4))
+    )
+    boxes = Treads(none, none, np.zeros(0))
+    slabs = [Slab((k, k + 1), before[k + 1].floor_z_m, boxes, boxes) for k in (0, 1)]
+    assert [s.levels for s in with_levels_of(slabs, before, after)] == [(1, 3), (3, 4)]
 
 
 def low_ceiling() -> StairHall:
