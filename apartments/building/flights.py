@@ -82,7 +82,7 @@ class Stairs:
         return (flight.risers - 1) * self.tread_m
 
 
-def drawn_steps(rng: np.random.Generator, config: StairsConfig) -> tuple[float, float]:
+def draw_steps(rng: np.random.Generator, config: StairsConfig) -> tuple[float, float]:
     """Return the riser that a house's stairs aim at, and their tread [m]."""
     riser, tread = (
         span[0] if span[0] == span[1] else float(rng.uniform(*span))

@@ -6,7 +6,7 @@ import numpy as np
 
 from ...formats.core.errors import check_name
 from ..config import ApartmentConfig
-from .flights import drawn_steps, least_stairwell_m
+from .flights import draw_steps, least_stairwell_m
 from .large_partition import STAIRWELL_DEPTH_M, VILLAS, house, office
 from .openings import Openings, contact
 from .partition import FAMILIES, Cell, oriented
@@ -133,7 +133,7 @@ def _kinds(rng: np.random.Generator, cells: list[Cell]) -> list[str]:
 
 
 def _house(rng: np.random.Generator, config: ApartmentConfig) -> tuple[FloorPlan, ...]:
-    shape, steps = config.stairs.shape, drawn_steps(rng, config.stairs)
+    shape, steps = config.stairs.shape, draw_steps(rng, config.stairs)
     tallest, shallowest = config.ceiling_m[1] + _SLAB_M, STAIRWELL_DEPTH_M[0] - config.wall_m
     along, away = least_stairwell_m(shape, tallest, steps, shallowest)
     parts = house(rng, (along + config.wall_m, away + config.wall_m))

@@ -35,9 +35,9 @@ from ..physics.outcome import OutcomeWatch
 from ..robots import POLICY_DECIMATION, TIMESTEP_S
 from .config import ReplayConfig
 from .ending import Ending
-from .jumps import STEPS_PER_SAMPLE, place_along
+from .jumps import place_along
 from .metrics import rollout_metrics
-from .recorder import Recorder
+from .recorder import STEPS_PER_SAMPLE, Recorder
 from .rollout_facts import expert_labels, provenance, state_in_words
 from .tasks import entry_of, task_of
 from .world import World
@@ -187,7 +187,7 @@ class EpisodeRun:
             last_s = ending.rest_end / STATE_RATE_HZ
             self.events = [event for event in self.events if event.time_s <= last_s]
             self.events.append(Event(ending.rest_tick / STATE_RATE_HZ, REST_EVENT, ""))
-        return self.stopped()
+        return self.end_of_stop()
 
     def _decide(self) -> EndReason | None:
         """Let the controller decide; return a timeout, or None."""
@@ -240,7 +240,7 @@ class EpisodeRun:
         """Number of actions or motions so far."""
         return len(self.actions) + self.motions
 
-    def stopped(self) -> EndReason:
+    def end_of_stop(self) -> EndReason:
         """Return whether a stop here is a success."""
         pose = self.world.pose
         x, y, z = self.episode.goal_position_world_m.tolist()

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ...formats.core.rollout import STATE_RATE_HZ, Action, EndReason
+from ...formats.core.rollout import Action, EndReason
 from ..controllers import STOPPED, Teleporter
-from ..robots import TIMESTEP_S
+from .recorder import STEPS_PER_SAMPLE
 
 if TYPE_CHECKING:
     from .episode_run import EpisodeRun
-
-STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 
 
 def place_along(run: EpisodeRun, teleporter: Teleporter) -> EndReason:
@@ -28,7 +26,7 @@ def place_along(run: EpisodeRun, teleporter: Teleporter) -> EndReason:
         run.recorder.sample(STOPPED)
         run.recorder.repeat(hold - 1)
         if jump.action is Action.STOP:
-            return run.stopped()
+            return run.end_of_stop()
         world.spawn(jump.pose, near_z_m=world.foot_z_m)
         inside = world.in_collision()
         if inside:

@@ -6,8 +6,10 @@ import numpy as np
 
 from ...formats.core.frames import quat_to_matrix
 from ...formats.core.rollout import STATE_RATE_HZ
+from ..robots import TIMESTEP_S
 from .world import World
 
+STEPS_PER_SAMPLE = round(1.0 / (STATE_RATE_HZ * TIMESTEP_S))
 TOUCH_N = 1.0  # a foot that carries less is in the air
 
 

@@ -119,7 +119,7 @@ def training_folder(request: Request, planned: Planned, seed: int) -> Path:
     return request.out / f"{planned.config.model.name}-s{seed}-{training_key(planned, seed)}"
 
 
-def trained(request: Request, planned: Planned, seed: int) -> Path | None:
+def checkpoint_of(request: Request, planned: Planned, seed: int) -> Path | None:
     """Return the checkpoint in its `training_folder`, None if the training is not done."""
     folder = training_folder(request, planned, seed)
     checkpoint = folder / f"{planned.config.model.name}{SUFFIX}"
@@ -128,7 +128,7 @@ def trained(request: Request, planned: Planned, seed: int) -> Path | None:
 
 def train_once(request: Request, planned: Planned, seed: int) -> Path:
     """Train into its `training_folder`, unless that was done; return the checkpoint."""
-    done, folder = trained(request, planned, seed), training_folder(request, planned, seed)
+    done, folder = checkpoint_of(request, planned, seed), training_folder(request, planned, seed)
     if done is not None:
         return done
     result = train_recipe(replace(request, out=folder, seed=seed), planned)

@@ -15,7 +15,7 @@ from ...datasets.mixture.comparison import METRICS
 from ...evaluation.results import COLUMNS, by_uid, uid_of
 from ...formats.vlnce.files import write_episodes
 from ...learning.card import read_card
-from ...learning.training.session import train_once, trained, training_folder
+from ...learning.training.session import checkpoint_of, train_once, training_folder
 from ..collect.evaluation import evaluate_policy
 from ..engine.lock import lock
 from ..options.training import Ablate
@@ -91,7 +91,7 @@ def train(ablation: Ablation, row: str, seed: int, out: Path) -> Path:
     training = ablation.trainings[row]
     request = replace(training.request, out=out / TRAININGS)
     folder = training_folder(request, training.planned, seed)
-    done = trained(request, training.planned, seed)
+    done = checkpoint_of(request, training.planned, seed)
     if done is not None:
         return done
     folder.mkdir(parents=True, exist_ok=True)
