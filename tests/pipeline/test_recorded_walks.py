@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.pages import ROOT, blocks
 from tests.support.training_data import write_dataset
+from vlnpe.formats.ros2.topic_map import read_topic_map
 from vlnpe.pipeline.cli import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.chain]
@@ -20,7 +21,9 @@ def test_a_recipe_mixes_simulated_and_recorded_walks(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (recipe,) = blocks(ROOT / "docs" / "guides" / "real-robot.md", "yaml")
+    topics, recipe = blocks(ROOT / "docs" / "guides" / "real-robot.md", "yaml")
+    Path("topics.yaml").write_text(topics)
+    assert read_topic_map(Path("topics.yaml")).odometry == "/utlidar/robot_odom"
     Path("mine.yaml").write_text(recipe)
     simulated = write_dataset(
         tmp_path / "runs" / "apartment-0", "aliengo", [3.0 + n for n in range(4)]
