@@ -39,6 +39,7 @@ def main(arguments: list[str] | None = None) -> int:
             shown = f"{name}-{options.place}" if options.place else name
             results, out = options.results / f"{shown}.json", options.out / shown
             if not options.draw:
+                (options.out / name).mkdir(parents=True, exist_ok=True)
                 call = ["ablate", str(RECIPES[name]), "--data", str(options.data)]
                 call += ["--run", str(options.run), "--out", str(out)]
                 call += ["--trainings", str(options.out / name)]
