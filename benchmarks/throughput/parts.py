@@ -112,7 +112,7 @@ def measure_parts(scene: str, robot_name: str) -> dict[str, Any]:
                 "replay": replay_job.ReplayJob(folder, episode, walker, run / "models", rollout),
                 "render": render_job.RenderJob(
                     folder, rollout, "r.mcap", robot, view, FRAMES_PER_SECOND, "h264",
-                    Extras(), out / "frames", depth,
+                    Extras(), "video", out / "frames", depth,
                 ),
                 "export": export_job.UnitJob(
                     rollout, out / "frames", out / "unit", "video", review
