@@ -73,7 +73,7 @@ class EpisodeRun:
         """
         self.world, self.episode, self.config = world, episode, config
         self.choose, self.control = choose, control
-        self.entry = entry_of(world, config, bool(choose), bool(control))
+        self.entry = entry_of(world, config, choose is not None, control is not None)
         self.controller_config = getattr(config, config.controller)
         self.recorder = Recorder(world)
         self.watch = OutcomeWatch(

@@ -15,13 +15,8 @@ from av.video.stream import VideoStream
 from ..core.arrays import F32, I64, U16
 from ..core.atomic import atomic_file
 from ..core.camera import DepthRange
-from ..rendered.image_counts import add_depth_codes
-from .depth_codes import (
-    MILLIMETRE_PIXEL_FORMAT,
-    codes_to_millimetres,
-    depth_to_codes,
-    encode_depth_tiff,
-)
+from .depth_codes import MILLIMETRE_PIXEL_FORMAT, codes_to_millimetres, encode_depth_tiff
+from .mp4 import codes_of
 from .stream import demux_packets, open_video
 
 CODEC = "tiff"
@@ -44,16 +39,12 @@ def write_depth_images(
     with atomic_file(path) as temporary, av.open(str(temporary), "w", format="mov") as container:
         stream = cast(VideoStream, container.add_stream(CODEC, rate=frames_per_second))
         for depth_m in frames_m:
-            codes = depth_to_codes(depth_m, depth_range)
-            size = size or codes.shape
-            if codes.shape != size or len(size) != 2:
-                raise ValueError(f"depth frame {count} of shape {codes.shape}; valid: {size}")
+            size = size or depth_m.shape
+            if depth_m.shape != size or len(size) != 2:
+                raise ValueError(f"depth frame {count} of shape {depth_m.shape}; valid: {size}")
             stream.height, stream.width = size
             stream.pix_fmt = MILLIMETRE_PIXEL_FORMAT
-            if counts is not None:
-                add_depth_codes(counts, codes)
-            if on_codes is not None:
-                on_codes(codes)
+            codes = codes_of(depth_m, depth_range, counts, on_codes)
             packet = av.Packet(encode_depth_tiff(codes_to_millimetres(codes, depth_range)))
             packet.stream, packet.time_base = stream, tick
             packet.pts = packet.dts = count

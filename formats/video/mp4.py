@@ -106,11 +106,7 @@ def write_depth_video(
     def convert(depth_m: F32) -> av.VideoFrame:
         if depth_m.ndim != 2:
             raise ValueError(f"depth frame of shape {depth_m.shape}; valid: (H, W)")
-        codes = depth_to_codes(depth_m, depth_range)
-        if counts is not None:
-            add_depth_codes(counts, codes)
-        if on_codes is not None:
-            on_codes(codes)
+        codes = codes_of(depth_m, depth_range, counts, on_codes)
         height, width = codes.shape
         frame = av.VideoFrame(width, height, DEPTH_PIXEL_FORMAT)
         plane = frame.planes[0]
@@ -120,6 +116,21 @@ def write_depth_video(
         return frame
 
     return _encode(path, frames_m, frames_per_second, DEPTH_CODEC, convert)
+
+
+def codes_of(
+    depth_m: F32,
+    depth_range: DepthRange,
+    counts: I64 | None,
+    on_codes: Callable[[U16], None] | None,
+) -> U16:
+    """Return the codes (H, W) of a depth image, counted and shown as `write_depth_video` says."""
+    codes = depth_to_codes(depth_m, depth_range)
+    if counts is not None:
+        add_depth_codes(counts, codes)
+    if on_codes is not None:
+        on_codes(codes)
+    return codes
 
 
 def iterate_rgb_video(path: Path) -> Iterator[U8]:

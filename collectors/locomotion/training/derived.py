@@ -79,9 +79,12 @@ class Stance:
         if not len(columns):
             name = self.robot.feet[foot].name
             raise InputError(f"robot {self.robot.name}: no joint of the policy moves foot {name}")
-        press, along = place.copy(), self.data.geom_xpos[soles, 0]
-        press[0] = np.clip(self._center_m[0], along.min(), along.max())
-        return Leg(body, columns, soles, place, press)
+        return Leg(body, columns, soles, place, self._press_m(soles, place))
+
+    def _press_m(self, soles: NDArray[np.intp], place_m: Array) -> Array:
+        """Return (3,) where soles at a place press: below the centre of mass if they reach it."""
+        along = self.data.geom_xpos[soles, 0]
+        return np.array([np.clip(self._center_m[0], along.min(), along.max()), *place_m[1:]])
 
     @property
     def _center_m(self) -> Array:
@@ -109,8 +112,7 @@ class Stance:
         """
         before = self.push(leg)
         offsets = self._bend(leg, shift_m)
-        low, high = np.array(self.sole_m(leg))
-        press = np.array([np.clip(self._center_m[0], low, high), *(leg.place_m + shift_m)[1:]])
+        press = self._press_m(leg.soles, leg.place_m + shift_m)
         push = -self.jacobian(leg.body, press)[2] - before
         self._reset()
         return offsets, push * self.robot.mass_kg * G_M_S2 / self.kp
@@ -151,10 +153,9 @@ class Stance:
         joints = joints[np.abs(self.data.xaxis[joints, 1]) > PITCHES]
         return self.data.xanchor[joints].copy()
 
-    def sole_m(self, leg: Leg) -> tuple[float, float]:
-        """Return the least and greatest x of a leg's sole [m]."""
-        x = self.data.geom_xpos[leg.soles, 0]
-        return float(x.min()), float(x.max())
+    def sole_m(self, leg: Leg) -> float:
+        """Return how long a leg's sole is [m]."""
+        return float(np.ptp(self.data.geom_xpos[leg.soles, 0]))
 
     def lift_m(self, leg: Leg, offsets_rad: Array) -> float:
         """Return how much joint offsets (J,) raise a leg's foot [m]."""

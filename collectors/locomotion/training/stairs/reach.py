@@ -42,7 +42,7 @@ def footing(robot: RobotSpec, gait: GaitClock) -> Footing:
         if len(leg.columns) <= POINT_LEG:
             chain = np.vstack([chain, leg.place_m])
         else:
-            soles.append(0.5 * float(np.ptp(stance.sole_m(leg))))
+            soles.append(0.5 * stance.sole_m(leg))
         if len(chain) != CHAIN:
             raise InputError(
                 f"a leg of robot {robot.name} has {len(leg.columns)} joints, {len(chain)} points "
