@@ -20,6 +20,7 @@ from .floor_gaps import check_holes
 from .floor_steps import MAX_LISTED, find_steps
 from .probe_balls import drop_balls
 from .probe_rays import START_M, TOLERANCE_M, Probes, shoot_down
+from .probe_sky import open_sky_share
 from .usd import check_usd
 from .verdict import judge_level
 
@@ -57,6 +58,7 @@ def probe_level(visual: VisualMesh, level: LevelCollision) -> tuple[LevelCollisi
         ],
         "walkable_cells_lost": int(lost.sum()),
         "walkable_places_lost": _places(lost, floor),
+        "open_sky_share": round(open_sky_share(visual, freemap), 3),
         "height_error_mm": {
             f"p{q}": round(float(np.percentile(deviation, q)), 3)
             for q in (50, 99, 100)

@@ -6,6 +6,7 @@ from typing import Any
 # Gaps of a kind that together are smaller than this, and than this share of the floor where that is
 # more, are a doubt: cells above them are taken out of the maps, so no robot is sent there.
 DOUBT_M2, DOUBT_SHARE, MOST_DOUBT_M2 = 0.05, 0.001, 0.5
+OPEN_SHARE = 0.5  # of the walkable floor; courtyards and gaps in ceilings are smaller
 LOOK = "look at after.png there; scan that place again, or close it, if robots are to walk on it"
 
 
@@ -33,6 +34,12 @@ def judge_level(level: dict[str, Any], probes: dict[str, Any]) -> Verdict:
             f"{counted(len(places), 'place')}, {area:.3f} m² together, the largest of "
             f"{first['area_m2']:.3f} m² {_at(first['xy_m'])}; {LOOK}",
             area,
+        )
+    if (share := probes.get("open_sky_share", 0.0)) > OPEN_SHARE:
+        verdict.doubts.append(
+            f"{100 * share:.0f} % of the walkable floor has no ceiling: depth that meets nothing "
+            "reads 0 m, which misleads policies trained under ceilings; --ceiling HEIGHT lays one "
+            "at the height at which its walls end"
         )
     for kind in ("rays", "balls"):
         for name, result in level[kind].items():
