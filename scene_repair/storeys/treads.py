@@ -101,7 +101,8 @@ def ways_up(
         if not np.isfinite(far[last : last + 1]).any():
             return
         nodes = _path(before, last)
-        treads = [end(nodes[0], at_foot)]
+        foot, head = end(nodes[0], at_foot), end(nodes[-1], at_head)
+        treads = []
         for group in _groups(nodes[1:-1], points[:, 2]):
             height = np.median(points[group, 2])
             own = np.abs(points[:, 2] - height) < TREAD_STEP_M
@@ -117,7 +118,9 @@ def ways_up(
                 )
             )
             free[own] = False
-        yield [*treads, end(nodes[-1], at_head)]
+        # What rounds the edge between a floor and the stairs is no step.
+        steps = [t for t in treads if foot.z_m + TREAD_STEP_M <= t.z_m <= head.z_m - TREAD_STEP_M]
+        yield [foot, *steps, head]
 
 
 def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: ScannedFloor) -> I64:

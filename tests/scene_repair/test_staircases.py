@@ -10,6 +10,10 @@ from tests.support.scenes import scans
 from tests.support.scenes.repairs import repaired
 from tests.support.scenes.stair_halls import StairHall, stair_hall
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.grid import GridSpec
+from vlnpe.scene_repair.storeys.levels import ScannedFloor
+from vlnpe.scene_repair.storeys.surfaces import Surfaces
+from vlnpe.scene_repair.storeys.treads import ways_up
 from vlnpe.wayfinding.distance import distance_field
 
 pytestmark = pytest.mark.chain
@@ -80,6 +84,20 @@ def test_one_walks_from_floor_to_floor_over_the_treads_alone(
     z = np.where(freemap.traversable, freemap.floor_z_m, np.nan)
     for axis in (0, 1):
         assert np.nanmax(np.abs(np.diff(z, axis=axis))) < 0.31
+
+
+def test_a_rounded_edge_between_floor_and_stairs_is_no_step() -> None:
+    # A level strip, 3 cm of its rounded edge, treads, their rounded edge, and a strip above.
+    grid = GridSpec((0.0, 0.0), 0.025, 20, 72)
+    ends = np.cumsum([20, 1, 10, 10, 10, 1])
+    tops = np.array([0.0, 0.02, 0.17, 0.34, 0.51, 0.66, 0.68])
+    z = np.tile(tops[np.digitize(np.arange(72), ends)], (20, 1))
+    floors = [ScannedFloor(grid, np.where(z == tops[k], z, np.nan), tops[k]) for k in (0, -1)]
+    cells = np.arange(z.size)
+    same = np.zeros(z.size, dtype=np.int64)
+    surfaces = Surfaces(cells, z.ravel(), same.astype(np.int32), same + np.inf, same, 1)
+    (treads,) = ways_up(surfaces, *floors)
+    assert [t.z_m for t in treads] == pytest.approx([0.0, 0.17, 0.34, 0.51, 0.68])
 
 
 def test_a_blocked_staircase_has_no_sheet_and_is_named(tmp_path: Path) -> None:
