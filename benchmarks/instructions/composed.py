@@ -7,13 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from vlnpe.formats.core.episode import Episode
-from vlnpe.formats.scene.bundle import load_bundle
 from vlnpe.formats.scene.visibility import read_visibility
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import Usage, compose_texts
-from vlnpe.instruction_gen.facts import LevelFacts, path_facts
-from vlnpe.instruction_gen.instruct import path_generator
+from vlnpe.instruction_gen.instruct import Levels, path_generator
 from vlnpe.instruction_gen.records import STYLES
 from vlnpe.pipeline.engine.run_folder import RunFolder
 
@@ -22,17 +20,13 @@ from .diversity import table, words_of
 
 def load(folder: Path) -> list[tuple[Episode, Ground]]:
     """Return the paths of a run, sampled or instructed, with their facts."""
-    result = []
+    result: list[tuple[Episode, Ground]] = []
+    levels = Levels(folder / "scenes")
     for file in sorted((folder / "episodes" / "sampled").glob("*.json.gz")):
         scene = file.name.removesuffix(".json.gz")
-        bundle = load_bundle(folder / "scenes" / scene)
         seen = RunFolder(folder).sights.seen(scene)
         sight = read_visibility(seen) if seen.is_file() else None
-        levels: dict[int, LevelFacts] = {}
-        for episode in read_episodes(file):
-            if episode.level not in levels:
-                levels[episode.level] = LevelFacts.of(bundle, episode.level)
-            result.append((episode, Ground(path_facts(episode, levels[episode.level], sight))))
+        result += [(e, Ground(levels.facts(e, sight))) for e in read_episodes(file)]
     return result
 
 
