@@ -28,6 +28,7 @@ from ..language.words import (
     is_known,
     number_of,
 )
+from .said import goal_last
 
 # Which claims account for a verb.
 _VERBS = {
@@ -82,13 +83,15 @@ def accounting_problems(steps: Sequence[Step], text: str) -> list[tuple[int, str
     named: list[str] = []
     for number, step in enumerate(steps):
         tokens = tokenize(step.words)
-        nouns = [t.text for t in tokens if noun_kind(t.text) in ("thing", "room")]
+        nouns = [t.text for t in tokens if noun_kind(t.text) in ("thing", "room", "storey")]
         problems += [(number, reason) for reason in _uncovered(step, tokens)]
         problems += [(number, reason) for reason in _unsaid(step, [*nouns, *named])]
         # The reading that contradicts the claims least.
         told = min((_contradictions(read, step) for read in readings(step.words)), key=len)
         problems += [(number, reason) for reason in told]
         named += nouns
+        if number == 0 and not goal_last(steps)[0].claims:
+            continue
         kinds = [c.kind for c in step.claims]
         last = len(kinds) - kinds[::-1].index("stop") if "stop" in kinds else 0
         moves = (set(kinds) if stopped else set(kinds[last:]) if last else set()) - {"stop", "see"}

@@ -11,6 +11,7 @@ from .accounting import accounting_problems, as_worded
 from .form import form_problems
 from .ground import Ground
 from .order import check_order
+from .said import goal_last
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
         return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
     if steps:
         steps = tuple(as_worded(step) for step in steps)
-        return _judged(text, steps, ground, accounting_problems(steps, text))
+        return _judged(text, goal_last(steps), ground, accounting_problems(steps, text))
     verdicts = []
     for read in readings(text):
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]

@@ -19,7 +19,7 @@ from . import climbs
 from .fit import NEVER, Costs, Fit, best, ramp
 from .ground import Ground
 from .moves import costs_to_move, stays_m
-from .said import Said
+from .said import Said, goal_last
 from .turns import events_of, left_out, made, no_turn, unsaid
 
 LIMIT = 0.66  # the root of the sum of the squares of all costs
@@ -47,6 +47,7 @@ def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) 
 
 def step_starts_m(steps: Sequence[Step], ground: Ground) -> tuple[float, ...]:
     """Return how far along the path each step begins: where all before it can be done [m]."""
+    steps = goal_last(steps)
     owners = [k for k, step in enumerate(steps) for _ in step.claims]
     placed = Alignment(ground, [claim for step in steps for claim in step.claims], owners)
     starts_m, done_m = [], 0.0

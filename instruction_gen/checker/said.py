@@ -1,9 +1,9 @@
 """What stands around a claim in its text."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ..language.claims import Claim
+from ..language.claims import Claim, Step
 
 WAYS = ("walk", "in", "door", "leave", "enter")
 _NOTHING = Claim("walk")
@@ -130,3 +130,17 @@ class Said:
 def _leads(claim: Claim) -> bool:
     told = claim.kind not in (*_BY_THE_WAY, "walk")
     return told or (claim.side == "ahead" and claim.kind in WAYS)
+
+
+def goal_last(steps: Sequence[Step]) -> tuple[Step, ...]:
+    """Return the steps with what a first one says of the goal alone at the stop that they end in.
+
+    "Your destination is the kitchen" comes before the way.
+    """
+    stops = [k for k, step in enumerate(steps) if any(c.kind == "stop" for c in step.claims)]
+    if len(stops) < 2 or stops[0] or any(c.kind != "stop" for c in steps[0].claims):
+        return tuple(steps)
+    goal, last = steps[0].claims, steps[stops[-1]]
+    last = replace(last, claims=(*last.claims, *goal))
+    first = replace(steps[0], claims=())
+    return (first, *steps[1 : stops[-1]], last, *steps[stops[-1] + 1 :])

@@ -15,9 +15,18 @@ _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
 _CHAINED = 0.8  # how often a second thing is passed in one breath
 _OVER = 0.6  # how often a rug that is walked over is mentioned
+_NOT = 0.4  # how often a doorway that is passed is told as one not to take
+_BESIDE = 0.5  # how often a thing is told by what stands beside it, where something does
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
+_LONG_HALL_M = 6.0
 _LONG_THING_M, _CLOSE_M = 1.5, 1.2  # one walks along such a thing
 _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
+# What is told of one thing alone, and not of its side.
+_STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
+_BY_ONE = _STOPS_BY_ONE | {
+    *("facing", "behind", "turn", "turn_before", "turn_to", "turn_after", "turn_enter", "cue"),
+    *("enter_see", "enter_turn_to", "pass", "goal_thing"),
+}
 _PASSES = ("pass", "over", "between")
 
 
@@ -47,6 +56,18 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     if room and names.rng.random() < 0.5:
         kind, names.homed = f"home_{kind}", True
     return [Event(kind, 0.0, A=room, X=best, s=side)]
+
+
+def goal_events(facts: PathFacts, stop: Event, names: Names, taste: Taste) -> list[Event]:
+    """Return an event that says first where the way ends, or none."""
+    room, started = facts.goal_room, facts.visits[0].room
+    new = room not in ("", "hallway", started) and not facts.goal_rooms
+    alone = new and facts.level_rooms.count(room) == 1 and not facts.visits[-1].twins
+    thing = stop.X is not None and stop.kind in _STOPS_BY_ONE
+    if not (alone or thing) or names.rng.random() >= taste.goal:
+        return []
+    kind = "goal_both" if alone and thing else "goal_thing" if thing else "goal_room"
+    return [Event(kind, 0.0, X=stop.X, B=names.name(room) if alone else "")]
 
 
 def passed_events(
@@ -79,7 +100,6 @@ def passed_events(
         after = _passing(facts, mark.along_m + 0.6, high - 0.4)
         chained = across is None and names.rng.random() < _CHAINED
         second = names.best(after) if chained else None
-        beside = names.beside(best) if not (across or second) and names.rng.random() < 0.2 else None
         if across is not None:
             event = replace(event, kind="between", Y=across)
         elif second is not None and not second.plural:
@@ -88,8 +108,6 @@ def passed_events(
                 event, kind=pick(kinds, names.rng), Y=second, t=second.mark.side,
                 to_m=second.mark.along_m,
             )  # fmt: skip
-        elif beside is not None:
-            event = replace(event, kind="pass_near", Y=beside)
         elif names.rng.random() < 0.7:
             long = mark.size_m >= _LONG_THING_M and mark.distance_m <= _CLOSE_M
             event = replace(event, kind="pass_along" if long else "pass_side")
@@ -119,7 +137,8 @@ def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) ->
         clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
         if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
             names.names.add(mark.name)
-            return [Event("pass_door", mark.along_m, C=names.name(others[0]), s=mark.side)]
+            kind = "not_door" if names.rng.random() < _NOT else "pass_door"
+            return [Event(kind, mark.along_m, C=names.name(others[0]), s=mark.side)]
     return []
 
 
@@ -144,13 +163,14 @@ def with_distances(
         room = facts.room_at(before + 0.3)
         stays = facts.room_at(max(before, turn_m - 0.5)) == room == "hallway"
         new = not (result and result[-1].kind.startswith((*_PASSES, "follow")))
+        hall = f"{'long ' * (turn_m - before > _LONG_HALL_M)}{names.name(room)}"
         if speaks and stays and new and turn_m - before > (3.0 if bare else _LONG_M):
             if event.kind in ("enter", "enter_door") and event.B:
-                into = replace(event, kind="along_into", B=names.name(room), C=event.B)
+                into = replace(event, kind="along_into", B=hall, C=event.B)
                 result.append(into)
                 before = into.done_m
                 continue
-            result.append(Event("follow", before + 0.2, B=names.name(room)))
+            result.append(Event("follow", before + 0.2, B=hall))
         elif (
             bare
             and event.kind != "slight"
@@ -160,6 +180,19 @@ def with_distances(
         result.append(event)
         before = max(before, _end(event) - 0.2)
     return result[:-1]
+
+
+def related(events: Sequence[Event], names: Names) -> list[Event]:
+    """Tell some things by what stands right beside them."""
+    result = []
+    for event in events:
+        thing = event.X if event.kind.removesuffix("_at") in _BY_ONE else None
+        other = names.beside(thing) if thing and names.rng.random() < _BESIDE else None
+        if thing and other:
+            words = f"{thing.words} {pick(('next to', 'beside', 'by'), names.rng)} {other.words}"
+            event = replace(event, X=replace(thing, words=words, beside=other.phrase))
+        result.append(event)
+    return result
 
 
 def bent(events: Sequence[Event], facts: PathFacts) -> list[Event]:

@@ -1,6 +1,9 @@
 """Choose how to say that a path takes stairs."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from ..facts.records import PathFacts
 from .grammar import pick
@@ -9,6 +12,8 @@ from .names import Names
 from .records import Event, Taste
 
 _ASIDE_DEG = 20.0  # stairs that one comes to by a turn are on its side from so far aside on
+_ONE_BREATH = 0.8
+_WITH_END = {"climb": "climb_top", "climb_turn": "climb_turn_top", "climb_side": "climb_turn_top"}
 _OFF_M = 1.2  # a turn so shortly behind stairs is made at their end
 
 
@@ -29,6 +34,18 @@ def climb_event(move: Move, gap_m: float, facts: PathFacts, names: Names, taste:
     if kind == "climb_landing":
         kind = "climb_turn_landing" if side else kind
     return replace(event, kind=kind, s=side, t=next(iter(bends), ""))
+
+
+def with_end(events: Sequence[Event], rng: np.random.Generator) -> list[Event]:
+    """Tell most climbs in one breath with the turn at their end."""
+    result: list[Event] = []
+    for event in events:
+        before = result[-1] if result else event
+        if event.kind == "stairs_turn" and before.kind in _WITH_END and rng.random() < _ONE_BREATH:
+            result[-1] = replace(before, kind=_WITH_END[before.kind], t=event.s, to_m=event.done_m)
+        else:
+            result.append(event)
+    return result
 
 
 def off_stairs(event: Event, facts: PathFacts) -> Event:

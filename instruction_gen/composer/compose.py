@@ -8,7 +8,16 @@ import numpy as np
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
 from ..records import COMPOSER, WrittenText
-from .along import FEW_STEPS_M, bent, passed_events, start_events, with_distances
+from .along import (
+    FEW_STEPS_M,
+    bent,
+    goal_events,
+    passed_events,
+    related,
+    start_events,
+    with_distances,
+)
+from .grammar import is_hall
 from .moves import ambiguous
 from .names import Names
 from .realize import Usage, realize
@@ -17,9 +26,14 @@ from .steps import move_events
 from .stop import stop_events
 
 DRAFTS = 32  # written for each text, the best is taken
-WORDS = {"terse": (5, 8), "natural": (20, 27), "rich": (36, 48)}
+WORDS = {"terse": (5, 8), "natural": (18, 26), "rich": (36, 48)}
 _MOST_CHECKED = 16
 _NEAR_M = 1.5
+# A stop that is told with the room that one enters.
+_INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
+_ENTERS, _STOPS_INTO = ("enter", "enter_door", "enter_ahead"), 0.6
+_OFF_LENGTH = 25.0  # what a text costs that is twice as long as it may be
+_PACED = ("stop_after", "stop_facing")  # how far one walks to the stop is told
 _Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
 
 
@@ -75,7 +89,7 @@ def plan(
     names = Names(facts, rng, taste.looks, called)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
-    if stop[0].kind == "stop_after":  # only what is passed shows where
+    if stop[0].kind in _PACED:  # only what is passed shows where
         taste = replace(taste, passed=taste.passed + (taste.voice != "terse"), gap_m=_NEAR_M)
     events = move_events(facts, names, taste)
     events += passed_events(events, facts, names, taste)
@@ -83,14 +97,22 @@ def plan(
     events = with_distances(events, stop[0], facts, names, taste)
     if not events:
         events = [Event("walk", 0.0, far_m=facts.length_m)]
-    if stop[0].kind == "stop_after":
+    if stop[0].kind in _PACED:
         rest = facts.length_m - events[-1].done_m
         if events[-1].kind == "walk":
             rest = events[-1].far_m if len(events) > 1 else facts.length_m
             events = events[:-1]
-        kind = "stop_after" if rest > FEW_STEPS_M else "stop_steps"
-        stop[0] = replace(stop[0], kind=kind, far_m=rest)
-    return bent([*start, *events, *stop], facts)
+        entered = events[-1].B if events and events[-1].kind.startswith("enter") else ""
+        few = {"stop_facing": "stop_steps_facing"}.get(stop[0].kind, "stop_steps")
+        few = "stop_into" if entered and not is_hall(entered) else few
+        kind = stop[0].kind if rest > FEW_STEPS_M else few
+        stop[0] = replace(stop[0], kind=kind, far_m=rest, B=entered)
+    kind = _INTO.get(stop[0].kind)
+    if kind and len(events) > 1 and events[-1].kind in _ENTERS and rng.random() < _STOPS_INTO:
+        stop[0] = replace(stop[0], kind=kind, B=events[-1].B)
+        events = events[:-1]
+    events = related([*goal_events(facts, stop[0], names, taste), *start, *events, *stop], names)
+    return bent(events, facts)
 
 
 def _draft(
@@ -115,5 +137,5 @@ def _draft(
     outside = max(low - words, words - high, 0) / high
     shared = sum(mark in other.landmarks for mark in marks for _, other, _ in others)
     same = sum(kind in used for kind in kinds for _, _, used in others) / max(1, len(kinds))
-    score = 2.0 * usage.repetition(text) + 14.0 * outside + 0.15 * shared + 0.3 * same
+    score = 2.0 * usage.repetition(text) + _OFF_LENGTH * outside + 0.15 * shared + 0.3 * same
     return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds

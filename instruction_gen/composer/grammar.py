@@ -41,6 +41,10 @@ _TURNS = (
 )
 # Who sets out has not walked yet.
 _MORE = frozenset(("more", "another", "further", "onwards", "continue", "keep", "carry"))
+# "Turning left outside, turn right", "past the TV past the sofa": how a phrase begins, and what the
+# one before it then does not say.
+_TWICE = (("past", "past"), ("turn", "turning"), ("go left", "turning"), ("go right", "turning"),
+          ("take a", "turning"))  # fmt: skip
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
@@ -76,7 +80,16 @@ class Clause:
     @property
     def claims(self) -> tuple[Claim, ...]:
         """What the words claim."""
-        return tuple(_claim(form, self.event) for form in self.phrase.claims)
+        return tuple(c for form in self.phrase.claims for c in _claims(form, self.event))
+
+
+def _claims(form: Sequence[str], event: Event) -> list[Claim]:
+    """Return a claim, and that of the thing beside its own."""
+    claim = _claim(form, event)
+    own = [thing for word in form[1:] if isinstance(thing := getattr(event, word, None), Reference)]
+    kind, place = ("stop", "at") if claim.kind == "stop" else ("see", "")
+    beside = [Claim(kind, "thing", thing.beside, place=place) for thing in own if thing.beside]
+    return [claim, *beside]
 
 
 @cache
@@ -127,7 +140,7 @@ def drafts(
     after = before.phrase.joint if before else "."
     onward = along = False
     if before and after not in (".", "^"):
-        goes = after in ("&", "+") or before.words.startswith(_GOES)
+        goes = after in ("&", "+") or _last_sentence(before).startswith(_GOES)
         onward = goes and before.event.kind.startswith(_WAYS)
         along = onward or before.event.kind in _TURNS
     barred = {"&": not along or after == "&", "+": not onward, "^": after == "^",
@@ -141,16 +154,23 @@ def drafts(
         words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
         new = event.kind.startswith(_NEW_KINDS)
         filled = " ".join(_SLOT.sub(lambda m, new=new: _slot(m[1], event, new), words).split())
-        into_hall = _INSIDE.search(words) and _is_hall(event.B)
+        into_hall = _INSIDE.search(words) and is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(filled.split())
         again = (event.along_m < 0.3 or before is None) and _MORE & set(filled.split())
+        said = before.words.split() if before else ()
+        twice = any(filled.startswith(begins) and other in said for begins, other in _TWICE)
         clause = Clause(event, phrase, filled)
-        (odd if into_hall or straight or again else fine).append(clause)
+        (odd if into_hall or straight or again or twice else fine).append(clause)
     return fine or odd
 
 
-def _is_hall(room: str) -> bool:
-    return room.removeprefix("next ") in grammar()[1]["hallway"]
+def _last_sentence(clause: Clause) -> str:
+    return clause.words.split(". ")[-1].lower()
+
+
+def is_hall(room: str) -> bool:
+    """Return whether a room, as it is called, is a hallway."""
+    return room.removeprefix("next ").removeprefix("long ") in grammar()[1]["hallway"]
 
 
 def _slot(slot: str, event: Event, new: bool) -> str:
@@ -189,7 +209,7 @@ def _claim(form: Sequence[str], event: Event) -> Claim:
             said |= {"what": "thing", "name": value.phrase}
             said |= {"colour": value.colour, "material": value.material}
         elif word in "ABC":
-            room = re.sub("^(?:another|other|next) ", "", str(value or ""))
+            room = re.sub("^(?:another|other|next|long) ", "", str(value or ""))
             said |= {"room": room} if door else {"what": "room", "name": room}
         elif word == "o":
             said["ordinal"] = event.ordinal

@@ -23,7 +23,7 @@ _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
 _TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
-_BREVITY = {"terse": 1.5, "natural": 0.08, "rich": 0.0}  # what each word of a clause costs
+_BREVITY = {"terse": 2.0, "natural": 0.3, "rich": 0.0}  # what each word of a clause costs
 _FLOW = 0.5  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))

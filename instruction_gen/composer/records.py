@@ -70,6 +70,7 @@ class Taste:
         passed: things passed at most.
         gap_m: a stretch longer than this gets a thing that is passed [m].
         looks: how often a known colour or material is mentioned.
+        goal: how often it says first where the way ends.
         more: how often the stop is told by a second thing, the room, or what lies beyond.
     """
 
@@ -80,10 +81,11 @@ class Taste:
     gap_m: float
     looks: float
     more: float
+    goal: float = 0.0
 
 
 TASTES = {
     "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0),
-    "natural": Taste("natural", 0.5, 0.15, 2, 2.2, 0.3, 0.4),
-    "rich": Taste("rich", 0.8, 0.4, 4, 1.4, 0.4, 0.8),
+    "natural": Taste("natural", 0.4, 0.15, 1, 2.2, 0.3, 0.3, 0.25),
+    "rich": Taste("rich", 0.8, 0.4, 4, 1.4, 0.5, 0.8, 0.35),
 }

@@ -30,6 +30,7 @@ class Reference:
         plural: several are meant.
         salience: how well it steers.
         colour, material: that are mentioned, "" = none.
+        beside: what stands right beside it, in the singular, "" = not mentioned.
     """
 
     mark: LandmarkFact
@@ -39,6 +40,7 @@ class Reference:
     salience: float
     colour: str = ""
     material: str = ""
+    beside: str = ""
 
 
 # which things ---------------------------------------------------------------------------------

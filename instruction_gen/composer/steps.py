@@ -8,7 +8,7 @@ import numpy as np
 
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact, manoeuvre_deg
-from .climbs import climb_event, off_stairs
+from .climbs import climb_event, off_stairs, with_end
 from .grammar import pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
@@ -57,7 +57,7 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             gap = move.along_m - (result[-1].done_m if result else 0.0)
             tell = climb_event if move.climb else _turn if move.passage is None else _passage
             result.append(tell(move, gap, facts, names, taste))
-    result = [off_stairs(event, facts) for event in result]
+    result = with_end([off_stairs(event, facts) for event in result], names.rng)
     return [_again(event, before) for before, event in pairwise([None, *result]) if event]
 
 

@@ -9,7 +9,7 @@ from ..facts.records import PathFacts
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import STOP_AT_M, STOP_M, Reference, at_goal, hung_at_goal, in_view, moment_at, passed
+from .refer import STOP_AT_M, Reference, at_goal, hung_at_goal, in_view, moment_at, passed
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M, _BEHIND_DEG = 1.2, 100.0
@@ -17,6 +17,7 @@ _IN_DOORWAY_M = 0.5
 _BESIDE_M = 1.1
 _COMES_M = 1.0
 _AT_STAIRS_M = 0.8
+_AT_DOOR_M, _AHEAD_M = 1.4, 4.0
 
 
 def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -63,7 +64,25 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     hung = names.best(lambda m: m.goal_distance_m if hung_at_goal(m, facts) else None, at_goal=True)
     if hung is not None:
         return Event("stop_close", length, X=hung)
+    if door := _door_at_goal(facts):
+        return Event("stop_door", length, C=names.name(door))
+    ahead = names.best(lambda m: in_view(m, facts, length, 25.0, _AHEAD_M))
+    if ahead is not None and taste.voice != "terse":
+        return Event("stop_facing", length, X=ahead, far_m=1.0)
     return Event("stop_after", length, far_m=1.0)
+
+
+def _door_at_goal(facts: PathFacts) -> str:
+    """Return the room behind the only doorway at the goal, if it is new and alone of its kind."""
+    doors = [
+        mark for mark in facts.landmarks
+        if mark.noun == DOOR and mark.goal_open and mark.goal_distance_m <= _AT_DOOR_M
+        and abs(mark.goal_bearing_deg) <= 125.0
+    ]  # fmt: skip
+    visited, beyond = {v.room for v in facts.visits}, facts.visits[-1].beyond
+    rooms = {room for mark in doors for room in mark.leads if room not in visited}
+    clear = len(doors) == 1 == len(rooms) and all(beyond.count(room) == 1 for room in rooms)
+    return rooms.pop() if clear else ""
 
 
 def _since_door_m(facts: PathFacts) -> float:
@@ -99,8 +118,6 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
         view = names.best(lambda m: in_view(m, facts, facts.length_m, 25.0, 2.5), at_goal=True)
         if not ahead and view is not None:
             options.append(replace(event, kind="stop_view", Y=view))
-        if not ahead and (beside := names.beside(thing)) and beside.mark.goal_distance_m <= STOP_M:
-            options.append(replace(event, kind="stop_near", Y=beside))
         if across is not None:
             other = "right" if side == "left" else "left"
             options.append(replace(event, kind="stop_with", Y=across, s=other))
