@@ -34,6 +34,7 @@ FLOOR_ERROR_M = 0.004
 FLOOR_THICK_M = 0.1
 # Boxes from below that end so little above the upper floor are its slab, rounded to voxels.
 SLAB_M = 0.06
+_WITHIN_M = 1e-6
 
 
 def storeys_model(
@@ -182,13 +183,15 @@ class _Stairs:
     def _pieces(self, low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
         """Yield the parts of a box beside the stairs, as corners (3,) and (3,)."""
         grid, side = self.grid, self.grid.cell_m
-        first = np.maximum(grid.cell_of(low[:2]), 0)
-        end = np.minimum(grid.cell_of(high[:2]) + 1, grid.shape)
+        # A box that ends on the border of two cells has nothing in the second.
+        whole_first = grid.cell_of(low[:2] + _WITHIN_M)
+        whole_end = grid.cell_of(high[:2] - _WITHIN_M) + 1
+        first, end = np.maximum(whole_first, 0), np.minimum(whole_end, grid.shape)
         if (end <= first).any() or not self._plan[first[0] : end[0], first[1] : end[1]].any():
             yield low, high
             return
         # Cells beyond the sheet's grid are free, and stand for all that lies there.
-        first, end = grid.cell_of(low[:2]), grid.cell_of(high[:2]) + 1
+        first, end = whole_first, whole_end
         rows, columns = np.ogrid[first[0] : end[0], first[1] : end[1]]
         on_grid = (rows >= 0) & (rows < grid.rows) & (columns >= 0) & (columns < grid.columns)
         free = (

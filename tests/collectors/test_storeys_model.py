@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from tests.support.cart import make_cart
 from tests.support.scenes.repairs import repaired
 from tests.support.scenes.stair_halls import StairHall, stair_hall
+from tests.support.scenes.storeys import FOOT_X, WIDTH_M, write_two_storeys
 from vlnpe.collectors.physics import JoinedFloor, build_storeys_model, storeys_model
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import InputError
-from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
+from vlnpe.formats.scene.sheet import save_sheet
 
 pytestmark = pytest.mark.chain
 
@@ -120,6 +122,23 @@ def test_obstacles_leave_the_treads_free_and_stand_beside_them(built: Built) -> 
     rail = np.array([hall.treads[3].mean(axis=0)[0] - 0.48, *hall.treads[3].mean(axis=0)[1:], 0.0])
     rail[2] = hall.top_m[3] + 0.88
     assert ((low < rail) & (high > rail)).all(axis=1).any()
+
+
+def test_a_box_over_treads_leaves_no_sliver_beside_them(tmp_path: Path) -> None:
+    bundle = write_two_storeys(tmp_path)
+    grid = bundle.stair_floor(1).grid
+    # Boxes one before the other end on the borders of cells beside the treads.
+    ends = grid.origin_xy_m[1] + grid.cell_m * np.arange(grid.rows)
+    ends = ends[np.abs(ends - (2.0 + WIDTH_M / 2)) < 0.12]
+    x = FOOT_X + 0.1 + 0.1 * np.arange(len(ends))
+    boxes = Obstacles(
+        np.column_stack([x, ends - 0.2, np.full_like(x, 0.4)]),
+        np.tile([0.04, 0.2, 0.025], (len(x), 1)),
+    )
+    save_sheet(bundle.level_folder(0), bundle.floor(0), boxes, bundle.freemap(0))
+    model = build_storeys_model(bundle, 1, get_robot("aliengo"))
+    size = model.geom_size[model.geom_bodyid == 0]
+    assert len(size) and size.min() > 0.001
 
 
 def test_the_joined_floor_chooses_its_sheet_by_height(built: Built) -> None:
