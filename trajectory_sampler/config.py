@@ -26,6 +26,7 @@ class SampleConfig:
             such paths, tighter ones down to `robot_radius_m` are taken [m].
         free_height_m: free height above every point of a path; less than `FULL_HEIGHT_M` lets
             paths for low robots lead under tables [m].
+        climb_height_m: free height above treads, that of the tallest robot that climbs [m].
         end_clearance_m: clearance of starts and goals, room to turn on the spot; a robot that is
             wider has `ends_m` [m].
         clearance_preference: cost of a metre that grazes an obstacle, relative to one in the open.
@@ -61,6 +62,7 @@ class SampleConfig:
     robot_radius_m: float = 0.30
     roomy_radius_m: float = 0.38
     free_height_m: float = FULL_HEIGHT_M
+    climb_height_m: float = FULL_HEIGHT_M
     end_clearance_m: float = 0.45
     clearance_preference: float = 3.0
     comfort_m: float = 0.35
@@ -102,6 +104,7 @@ class SampleConfig:
         if not 0 <= self.min_view_m <= 5:
             raise InputError(f"--min-view-m {self.min_view_m:g}; valid: 0 to 5")
         check_free_height(self.free_height_m)
+        check_free_height(self.climb_height_m)
         if not (self.min_gap_m > 0 and self.family_gap_m > 0):
             raise InputError(
                 f"gaps {self.min_gap_m} m and {self.family_gap_m} m between paths; valid: above 0"

@@ -185,15 +185,17 @@ def open_joined(
     """Prepare a staircase and the levels that it joins for paths with `radius_m` of clearance.
 
     Raises:
-        SceneError: the staircase is too narrow for the robot.
+        SceneError: the staircase is too narrow or too low for the robot.
     """
-    storeys = Storeys.of(bundle, [staircase], config.free_height_m)
+    storeys = Storeys.of(bundle, [staircase], config.free_height_m, config.climb_height_m)
     stairs = storeys.staircases[staircase]
     width_m = bundle.staircases[staircase].width_m
     if width_m < 2 * config.robot_radius_m:
         raise SceneError(
             f"is {width_m:.2f} m wide, and the robot needs {2 * config.robot_radius_m:.2f} m"
         )
+    if not stairs.lets_pass:
+        raise SceneError(f"has no {config.climb_height_m:g} m of free height along its middle")
     cells, rooms = [], []
     for side, level in enumerate(storeys.joins[staircase]):
         freemap = storeys.levels[level].freemap

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import map_coordinates
@@ -46,7 +47,8 @@ def episode_of(
         yaw = drawn * np.pi
     yaw = float(wrap_angle(yaw))
     name = f"{bundle.scene_id}-{number:04d}"
-    route = low_passage(config.free_height_m) | over_stairs(candidate.levels, candidate.staircases)
+    route = low_passage(config.free_height_m)
+    route |= over_stairs(candidate.levels, candidate.staircases, config.climb_height_m)
     episode = Episode(
         episode_id=name,
         trajectory_id=name,
@@ -85,9 +87,17 @@ def episode_of(
     return replace(episode, extra=extra | route)
 
 
-def over_stairs(levels: Sequence[int], staircases: Sequence[int]) -> dict[str, list[int]]:
+def over_stairs(
+    levels: Sequence[int], staircases: Sequence[int], climb_height_m: float
+) -> dict[str, Any]:
     """Return the keys that an episode over several levels has in its `extra`."""
-    return {"staircases": list(staircases), "levels": list(levels)} if staircases else {}
+    if not staircases:
+        return {}
+    return {
+        "staircases": list(staircases),
+        "levels": list(levels),
+        "climb_height_m": round(climb_height_m, 3),
+    }
 
 
 def _clearance(bundle: SceneBundle, episode: Episode, points_m: Array) -> Array:

@@ -11,7 +11,7 @@ from ..formats.core.errors import InputError
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
 from ..formats.scene.staircase import Staircase
-from .storeys import climbable_staircase, stair_sheet
+from .storeys import climbable_staircase
 
 _PASSES_M = 0.3  # how near a path over a staircase comes to both ends of its middle line
 
@@ -63,7 +63,7 @@ def legs_of(bundle: SceneBundle, episode: Episode) -> tuple[Leg, ...]:
         if first < last:
             part = path[first : last + 1]
             if is_stairs := bool(number % 2):
-                sheet = stair_sheet(bundle, index, height_m)
+                sheet = bundle.stair_freemap(index).for_height(episode.climb_height_m)
             else:
                 sheet = bundle.freemap(index).for_height(height_m)
             legs.append(Leg(sheet, part, index, is_stairs))

@@ -23,11 +23,10 @@ from ..formats.scene.staircase import Staircase
 from .distance import AGENT_RADIUS_M, SNAP_M, DistanceField, distance_field
 from .planning import floor_z, segments_free
 
-# Free height of the Aliengo, so far the only robot that climbs.
-_STAIRS_HEIGHT_M = 0.65
 # A point that is nearer than this to two sheets, up or down and sideways, stands on both.
 _SAME_M = 0.03
 _FINE_M = 0.1  # pieces of a path are free on a level or on a staircase
+_BESIDE_LINE_M = 0.2  # nothing stands or hangs nearer to the middle line of stairs one climbs
 _APRON_M = 0.1  # a staircase's cells within this height of a level's floor are at its ends
 
 End = tuple[int, int]  # a staircase's index, and 0 for its foot or 1 for its head
@@ -68,6 +67,12 @@ class Stairs(Sheet):
         """Length of the middle line [m]."""
         return path_length(self.line_m)
 
+    @property
+    def lets_pass(self) -> bool:
+        """Return whether a walker of the height that the map is for can follow the middle line."""
+        grid, free = self.freemap.grid, self.freemap.free(_BESIDE_LINE_M)
+        return bool(segments_free(grid, free, self.line_m).all())
+
     def beside_and_along(self, points_m: Array) -> tuple[Array, Array]:
         """Return how far (N,) points (N, 3) are beside the line, and where along it [m]."""
         steps = np.diff(self.line_m, axis=0)
@@ -103,9 +108,17 @@ class Storeys:
 
     @staticmethod
     def of(
-        bundle: SceneBundle, staircases: Sequence[int], free_height_m: float = FULL_HEIGHT_M
+        bundle: SceneBundle,
+        staircases: Sequence[int],
+        free_height_m: float = FULL_HEIGHT_M,
+        climb_height_m: float = FULL_HEIGHT_M,
     ) -> "Storeys":
         """Return staircases of a scene, given by their indices, with the levels that they join.
+
+        Args:
+            free_height_m: above the floors of the levels [m].
+            climb_height_m: above treads and the floor at their ends: what is higher blocks nothing
+                there [m].
 
         Raises:
             InputError: the scene has no such staircase, or nobody can climb it.
@@ -116,7 +129,7 @@ class Storeys:
         return Storeys(
             {k: Sheet(bundle.freemap(k).for_height(free_height_m)) for k in levels},
             {
-                k: Stairs(stair_sheet(bundle, k, free_height_m), entry.line_world_m)
+                k: Stairs(bundle.stair_freemap(k).for_height(climb_height_m), entry.line_world_m)
                 for k, entry in records.items()
             },
             joins,
@@ -223,14 +236,6 @@ class StoreyDistance:
         return np.min(ways, axis=0)
 
 
-def stair_sheet(bundle: SceneBundle, index: int, free_height_m: float) -> Freemap:
-    """Return the planning map of a staircase, where a lamp over the treads blocks nothing.
-
-    What is 0.65 m or more over them does not count, whoever climbs.
-    """
-    return bundle.stair_freemap(index).for_height(min(free_height_m, _STAIRS_HEIGHT_M))
-
-
 def is_free_to_stairs(
     level: Freemap, stairs: Freemap, path_m: Array, level_radius_m: float, stairs_radius_m: float
 ) -> bool:
@@ -273,5 +278,5 @@ def ground_of(bundle: SceneBundle, episode: Episode) -> Freemap | Storeys:
     """Return what distances of an episode are measured on: its level, or all that it joins."""
     height_m = episode.free_height_m
     if episode.staircases:
-        return Storeys.of(bundle, episode.staircases, height_m)
+        return Storeys.of(bundle, episode.staircases, height_m, episode.climb_height_m)
     return bundle.freemap(episode.level).for_height(height_m)

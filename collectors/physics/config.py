@@ -17,6 +17,7 @@ class LevelModelConfig:
         friction: sliding friction of floor and obstacles; feet bring their own, with priority.
         free_height_m: free height of the places that robots may walk to; see
             `Freemap.for_height` [m].
+        climb_height_m: the same of treads and the floor at their ends [m].
         headroom_m: how far the robot may rise above its standing height and still be stopped.
     """
 
@@ -25,8 +26,15 @@ class LevelModelConfig:
     void_depth_m: float = 1.0
     friction: float = 0.8
     free_height_m: float = FULL_HEIGHT_M
+    climb_height_m: float = FULL_HEIGHT_M
     headroom_m: float = 0.15
 
     def for_episode(self, episode: Episode) -> "LevelModelConfig":
-        """Return this with the free height that the episode's path was planned for."""
-        return replace(self, free_height_m=episode.free_height_m)
+        """Return this with the free heights that the episode's path was planned for."""
+        if not episode.staircases:
+            return replace(self, free_height_m=episode.free_height_m)
+        return replace(
+            self,
+            free_height_m=episode.free_height_m,
+            climb_height_m=episode.climb_height_m,
+        )

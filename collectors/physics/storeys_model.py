@@ -82,7 +82,7 @@ def build_storeys_model(
     treads = stairs.treads
     for center, half, yaw in zip(treads.center_m, treads.half_m, treads.yaw_rad, strict=True):
         _add_floor_box(ground, center, half, float(yaw), config)
-    maps.append(bundle.stair_freemap(staircase).for_height(config.free_height_m))
+    maps.append(bundle.stair_freemap(staircase).for_height(config.climb_height_m))
     parts = [
         stairs.cut_out(bundle.obstacles(lower)),
         stairs.cut_out(bundle.obstacles(upper)),

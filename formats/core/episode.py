@@ -10,6 +10,9 @@ from .arrays import I64, Array
 from .errors import InputError
 from .geometry import path_length
 
+# Of episodes written before they stated it: the Aliengo's, the only robot that climbed.
+UNSTATED_CLIMB_HEIGHT_M = 0.65
+
 
 @dataclass(frozen=True)
 class Episode:
@@ -68,6 +71,11 @@ class Episode:
         return self.extra.get("free_height_m") or FULL_HEIGHT_M
 
     @property
+    def climb_height_m(self) -> float:
+        """Return the free height [m] over the treads of its path, for the robots that climb it."""
+        return self.extra.get("climb_height_m") or UNSTATED_CLIMB_HEIGHT_M
+
+    @property
     def staircases(self) -> tuple[int, ...]:
         """Return the scene's staircases that the path takes, in order; none on a single level."""
         return tuple(self.extra.get("staircases", ()))
@@ -92,9 +100,10 @@ class Episode:
         return tuple(self.extra.get("levels", (self.level,)))
 
     @property
-    def world(self) -> tuple[str, int, tuple[int, ...], float]:
+    def world(self) -> tuple[str, int, tuple[int, ...], tuple[float, float]]:
         """Return what episodes that share one physical world have in common."""
-        return self.scene_id, self.level, self.staircases, self.free_height_m
+        heights = (self.free_height_m, self.climb_height_m if self.staircases else 0.0)
+        return self.scene_id, self.level, self.staircases, heights
 
     def levels_along(self, track_m: Array) -> I64:
         """Return the level (N,) of each point of a track (N, 3) [m] that begins over the start.

@@ -12,7 +12,7 @@ from ...formats.vlnce.files import read_vlnce
 from ...rendering.camera.extras import Extras
 from ...rendering.camera.views import CameraOverrides
 from ...scene_repair.scan.files import SUFFIXES
-from ...trajectory_sampler.config import NO, SampleConfig
+from ...trajectory_sampler.config import CROSS_SHARE, NO, SampleConfig
 from ...trajectory_sampler.presets import PRESETS, get_preset
 from ...trajectory_sampler.vlnce.align_config import AlignConfig
 from ...trajectory_sampler.vlnce.stairs import StairRules
@@ -23,7 +23,13 @@ from ..inputs.builtin import BuiltIn, no_scene, parse_builtin
 from ..inputs.crews import action_timing, chosen_robots, crews, keep_crews
 from ..inputs.folders import find_scans
 from ..inputs.robot_copies import robot_of_run
-from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, climber_radius, sample_config
+from ..inputs.sampling_plan import (
+    SamplingPlan,
+    chosen_free_height,
+    climber_height,
+    climber_radius,
+    sample_config,
+)
 from ..inputs.views import check_frame_rate, chosen_views
 from ..inputs.wording import instruct_config, vision_settings
 from ..options.collect import Collect
@@ -98,9 +104,15 @@ def run(options: Collect) -> int:
         wording = episodes.Wording(instructing, eye, vision)
         scenes = episodes.repaired(current, sources, repairing, options.allow_unsound)
         sampling = _widened(sampling, robots, context.ledger)
+        if options.keep_climbable:
+            climb_m = _tallest(climber_height(robots), context.ledger, align.STAGE)
+            rules = replace(rules, climb_height_m=climb_m)
+        else:
+            climb_m = AlignConfig.climb_height_m
         fitting = AlignConfig(
             robot_radius_m=_fitting_radius(robots, context.ledger),
             free_height_m=height_m,
+            climb_height_m=climb_m,
             goal_beyond_start=options.goal_beyond_start,
             keep_climbable=options.keep_climbable,
         )
@@ -165,7 +177,7 @@ def _eye(ledger: Ledger) -> RobotSpec | None:
 
 
 def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger) -> SampleConfig:
-    """Widen the sampling clearance to the widest robot of this run and of earlier runs.
+    """Return what suits the widest robot, and the tallest climber, of this and of earlier runs.
 
     Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only
     when a wider robot is added, and all robots of one folder walk the same episodes.
@@ -173,7 +185,16 @@ def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger
     # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]
     widest_m = max(robot.footprint_radius_m for robot in robots)
+    if CROSS_SHARE[sampling.storeys]:
+        climb_m = _tallest(sampling.climb_height_m, ledger, "sample")
+        sampling = replace(sampling, climb_height_m=climb_m)
     return replace(sampling, robot_radius_m=max(sampling.robot_radius_m, widest_m, *before))
+
+
+def _tallest(climb_height_m: float, ledger: Ledger, stage: str) -> float:
+    """Return the free height above treads [m] for this run's climbers and earlier runs' ones."""
+    before = [row.facts.get("climb_height_m", 0.0) for row in ledger.rows(stage)]
+    return max([climb_height_m, *before])
 
 
 def _fitting_radius(robots: Sequence[RobotSpec], ledger: Ledger) -> float:

@@ -22,7 +22,13 @@ from ..engine.ledger import Row
 from ..engine.work import digest
 from ..execution.runner import Context, StageSummary, run_stage
 from ..inputs.folders import scenes_in, scenes_root
-from ..inputs.sampling_plan import SamplingPlan, chosen_free_height, climber_radius, sample_config
+from ..inputs.sampling_plan import (
+    SamplingPlan,
+    chosen_free_height,
+    climber_height,
+    climber_radius,
+    sample_config,
+)
 from ..options.episodes import Align, Filter, Sample
 from ..options.shared import settings_of
 from ..stages.episodes import align_items as align
@@ -41,13 +47,16 @@ def run_align(options: Align) -> int:
     """Align the episodes of files; return 1 if too many are rejected."""
     out = _out(options.out, "aligned", len(options.episodes) > 1)
     robots = _robots(options.robot)
+    climb_m = AlignConfig.climb_height_m
     if options.keep_climbable:
         climber_radius(robots)
+        climb_m = climber_height(robots)
     config = settings_of(
         AlignConfig,
         options,
         robot_radius_m=_radius(robots, options.robot_radius_m),
         free_height_m=chosen_free_height(robots, options.free_height_m),
+        climb_height_m=climb_m,
     )
     scenes = repair.rows_of(options.scenes)
     files = {read_vlnce(path).path: "" for path in options.episodes}
@@ -108,6 +117,8 @@ def run_filter(options: Filter) -> int:
         raise InputError(f"{option} who climbs the stairs that --keep-climbable keeps")
     height_m = chosen_free_height(robots, options.free_height_m)
     rules = StairRules(names, options.combine, options.max_step_m, climber_m, height_m)
+    if climber_m is not None:
+        rules = replace(rules, climb_height_m=climber_height(robots))
     scenes: dict[str, Row] = {}
     if options.scenes is not None:
         scenes = repair.rows_of(options.scenes)

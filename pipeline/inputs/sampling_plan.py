@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from ...formats.core.errors import InputError
@@ -123,6 +123,19 @@ def climber_radius(robots: Sequence[RobotSpec]) -> float:
     return max(robot.footprint_radius_m for robot in robots)
 
 
+def climber_height(robots: Iterable[RobotSpec]) -> float:
+    """Return the free height [m] above treads that all of these robots need.
+
+    Without robots it is that of the tallest one that climbs.
+    """
+    from ...collectors.locomotion.runtime.policy import climbs
+    from ...collectors.physics import free_height
+    from ...collectors.robots import ROBOTS
+
+    climbers = tuple(robots) or tuple(robot for robot in ROBOTS.values() if climbs(robot))
+    return max(free_height(robot) for robot in climbers)
+
+
 def sample_config(
     options: Sampling,
     count: int,
@@ -148,6 +161,7 @@ def sample_config(
         relax=not strict,
         patience=60 if strict else SampleConfig.patience,
     )
-    if CROSS_SHARE[config.storeys]:
-        check_climbing(f"--storeys {config.storeys}", robots)
-    return config
+    if not CROSS_SHARE[config.storeys]:
+        return config
+    check_climbing(f"--storeys {config.storeys}", robots)
+    return replace(config, climb_height_m=climber_height(robots))

@@ -3,6 +3,7 @@
 import gzip
 import json
 from collections.abc import Mapping
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,16 @@ import numpy as np
 import pytest
 
 from tests.support.scenes.storeys import HEAD_X, LINE, TOP_M, write_two_storeys
-from vlnpe.formats.core.errors import InputError
+from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.geometry import path_length, resample
 from vlnpe.formats.scene import FULL_HEIGHT_M
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.sheet import save_sheet
 from vlnpe.formats.vlnce.files import VlnceFile, read_vlnce
+from vlnpe.pipeline.inputs.sampling_plan import climber_height
+from vlnpe.trajectory_sampler.config import CROSS, SampleConfig
+from vlnpe.trajectory_sampler.sampling import sample_episodes
 from vlnpe.trajectory_sampler.vlnce.align import align_episodes
 from vlnpe.trajectory_sampler.vlnce.align_config import AlignConfig
 from vlnpe.trajectory_sampler.vlnce.stairs import GEOMETRIC, STEP, StairRules, filter_stairs
@@ -25,6 +30,7 @@ from vlnpe.wayfinding.legs import legs_of
 UP = np.vstack([[2.0, 2.0, 0.0], [6.0, 2.0, 0.0], LINE, [HEAD_X + 7.0, 2.0, TOP_M]])
 FLAT = np.array([[1.0, 1.0, 0.0], [4.0, 1.0, 0.0]])
 # Up through the ceiling, where there are no stairs.
+LAMP_XY = LINE[1:3, :2].mean(axis=0)
 ELSEWHERE = np.array([[2.0, 2.0, 0.0], [2.0, 3.0, 1.0], [HEAD_X + 7.0, 3.0, TOP_M]])
 SPLIT = np.array([[2.0, 2.0, 0.0], [3.0, 2.0, 0.6], [4.0, 2.0, 0.0]])
 PATHS = {
@@ -168,6 +174,39 @@ def test_the_filter_judges_the_points_and_the_height_of_the_alignment(
         assert "its goal lies on no level's floor" in reasons["floats"]
         assert reason in reasons.get("up", "")
         assert ("up" in reasons) == bool(reason)
+
+
+@pytest.mark.parametrize(("robot", "reason"), [("aliengo", ""), ("vlnce", "has no 1.56 m of free")])
+def test_only_who_fits_under_a_lamp_is_sent_over_the_treads_beneath(
+    tmp_path: Path, robot: str, reason: str
+) -> None:
+    bundle = with_lamp(write_two_storeys(tmp_path / "house"))
+    file, scenes = read_vlnce(written(tmp_path, some("up"))), {"house": bundle}
+    height_m = climber_height([get_robot(robot)])
+    rules = StairRules(climber_radius_m=0.3, climb_height_m=height_m)
+    filtered = filter_stairs(file, rules, scenes)
+    config = AlignConfig(keep_climbable=True, climb_height_m=height_m)
+    aligned = align_episodes(file, scenes, config)
+    dropped = {str(d.episode_id): d.reason for d in filtered.dropped}
+    for reasons in (dropped, dict(aligned.rejected)):
+        assert reason in reasons.get("up", "")
+        assert ("up" in reasons) == bool(reason)
+    crossing = SampleConfig(count=1, storeys=CROSS, climb_height_m=height_m)
+    with pytest.raises(SceneError, match=reason) if reason else nullcontext():
+        (episode,) = sample_episodes(bundle, crossing, np.random.default_rng(0)).episodes
+        assert episode.climb_height_m == height_m
+        assert len(legs_of(bundle, episode)) == 3
+
+
+def with_lamp(bundle: SceneBundle) -> SceneBundle:
+    """Hang a lamp 1 m above a tread."""
+    sheet = bundle.stair_freemap(1)
+    gap = np.abs(sheet.grid.center_of(np.moveaxis(np.indices(sheet.grid.shape), 0, -1)) - LAMP_XY)
+    lamp = sheet.traversable & (gap.max(axis=-1) < 0.15)
+    headroom = np.where(lamp, np.float32(1.0), sheet.headroom_m)
+    sheet = replace(sheet, traversable=sheet.traversable & ~lamp, headroom_m=headroom)
+    save_sheet(bundle.stair_folder(1), bundle.stair_floor(1), bundle.stair_obstacles(1), sheet)
+    return bundle
 
 
 def test_an_episode_that_cannot_be_read_in_its_scene_costs_no_other(

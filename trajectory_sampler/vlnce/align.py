@@ -81,7 +81,7 @@ def align_episodes(
         if isinstance(fitted, RejectedError):
             result.rejected.append((raw.episode_id, str(fitted)))
             continue
-        result.episodes.append(_episode(raw, fitted, split, low_passage(config.free_height_m)))
+        result.episodes.append(_episode(raw, fitted, split, config))
         moved = fitted.changes["start_moved_m"]
         if moved > 0:
             result.moved.append((raw.episode_id, moved))
@@ -109,9 +109,7 @@ def _kinds(changes: Mapping[str, Any]) -> list[str]:
     return [kind for kind, is_so in kinds.items() if is_so]
 
 
-def _episode(
-    raw: VlnceEpisode, fitted: FittedPath, split: str, low: Mapping[str, float]
-) -> Episode:
+def _episode(raw: VlnceEpisode, fitted: FittedPath, split: str, config: AlignConfig) -> Episode:
     return Episode(
         episode_id=str(raw.episode_id),
         trajectory_id=str(raw.trajectory_id),
@@ -129,8 +127,8 @@ def _episode(
             **_source_keys(raw),
             "source_scene_id": raw.scene_id,
             "alignment": fitted.changes,
-            **low,
-            **over_stairs(fitted.levels, fitted.staircases),
+            **low_passage(config.free_height_m),
+            **over_stairs(fitted.levels, fitted.staircases, config.climb_height_m),
         },
     )
 

@@ -17,6 +17,7 @@ class AlignConfig:
             robot that will walk them [m].
         free_height_m: free height that they need; less than `FULL_HEIGHT_M` lets low robots pass
             under tables [m].
+        climb_height_m: free height above treads, that of the tallest robot that climbs [m].
         max_start_nudge_m: farthest that a start in collision may be moved [m].
         max_goal_nudge_m: farthest that a goal may be moved; no farther than a start [m].
         goal_beyond_start: let a path's goal be moved farther than its own start is. By default such
@@ -34,6 +35,7 @@ class AlignConfig:
     split: str | None = None
     robot_radius_m: float = 0.30
     free_height_m: float = FULL_HEIGHT_M
+    climb_height_m: float = FULL_HEIGHT_M
     max_start_nudge_m: float = 0.5
     max_goal_nudge_m: float = 0.5
     goal_beyond_start: bool = False
@@ -53,3 +55,4 @@ class AlignConfig:
         if not self.robot_radius_m > 0:
             raise InputError(f"robot radius {self.robot_radius_m:g} m; valid: above 0")
         check_free_height(self.free_height_m)
+        check_free_height(self.climb_height_m)

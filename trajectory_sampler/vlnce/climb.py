@@ -46,12 +46,14 @@ def climb_of(
     *,
     radius_m: float,
     free_height_m: float,
+    climb_height_m: float,
 ) -> Climb | str:
     """Return how a path (P, 3) [m] takes one climbable staircase, or why it takes none.
 
     Args:
         freemaps: of the scene's levels.
         radius_m: of the robot that is to walk it [m].
+        free_height_m, climb_height_m: see `Storeys.of`.
     """
     gaps = np.abs(level_gaps(freemaps, path_m))
     first, last = (int(np.argmin(gaps[:, end])) for end in (0, -1))
@@ -78,10 +80,13 @@ def climb_of(
         elif staircase.width_m < 2 * radius_m:
             reasons.append(f"is {staircase.width_m:.2f} m wide")
         else:
-            storeys = Storeys.of(bundle, [k], free_height_m)
-            if _reached(storeys, path_m, radius_m):
+            storeys = Storeys.of(bundle, [k], free_height_m, climb_height_m)
+            if not storeys.staircases[k].lets_pass:
+                reasons.append(f"has no {climb_height_m:g} m of free height along its middle")
+            elif _reached(storeys, path_m, radius_m):
                 return Climb(storeys, (first, last), k, before, behind)
-            reasons.append(f"is not reached by a robot of radius {radius_m:g} m")
+            else:
+                reasons.append(f"is not reached by a robot of radius {radius_m:g} m")
     return "; ".join(
         f"staircase {k} {why}" for (k, _), why in zip(candidates, reasons, strict=True)
     )

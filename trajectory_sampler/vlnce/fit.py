@@ -57,8 +57,14 @@ def fit_path(
     except RejectedError as error:
         if not config.keep_climbable:
             raise
-        radius_m, height_m = config.robot_radius_m, config.free_height_m
-        climb = climb_of(bundle, freemaps, points, radius_m=radius_m, free_height_m=height_m)
+        climb = climb_of(
+            bundle,
+            freemaps,
+            points,
+            radius_m=config.robot_radius_m,
+            free_height_m=config.free_height_m,
+            climb_height_m=config.climb_height_m,
+        )
         if isinstance(climb, str):
             raise RejectedError(f"{error}; {climb}") from error
         levels, staircases = climb.levels, (climb.staircase,)

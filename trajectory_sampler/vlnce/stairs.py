@@ -41,7 +41,8 @@ class StairRules:
         max_step_m: largest height between two reference points allowed by `step` [m].
         climber_radius_m: keep what a robot of this radius can walk over a climbable staircase,
             whatever the rules say; None keeps none of it [m].
-        free_height_m: free height that this robot needs [m].
+        free_height_m, climb_height_m: free height that this robot needs on levels and above treads
+            [m].
     """
 
     rules: tuple[str, ...] = (STEP,)
@@ -49,6 +50,7 @@ class StairRules:
     max_step_m: float = MAX_STEP_M
     climber_radius_m: float | None = None
     free_height_m: float = FULL_HEIGHT_M
+    climb_height_m: float = FULL_HEIGHT_M
 
     def __post_init__(self):
         if not self.rules:
@@ -243,12 +245,18 @@ class _Judge:
             return f"scene {episode.scene_id!r} is not repaired"
         if not episode.goals or not len(episode.reference_path_habitat_m):
             return "it has no goal or no reference path"
-        bundle, radius_m = self.bundles[scene], self.rules.climber_radius_m or 0.0
-        points, height_m = points_of(episode, bundle), self.rules.free_height_m
+        bundle, rules = self.bundles[scene], self.rules
+        points = points_of(episode, bundle)
         key = (scene, points.tobytes())
         if key not in self.climbs:
-            freemaps = self._freemaps(bundle, scene)
-            climb = climb_of(bundle, freemaps, points, radius_m=radius_m, free_height_m=height_m)
+            climb = climb_of(
+                bundle,
+                self._freemaps(bundle, scene),
+                points,
+                radius_m=rules.climber_radius_m or 0.0,
+                free_height_m=rules.free_height_m,
+                climb_height_m=rules.climb_height_m,
+            )
             self.climbs[key] = climb if isinstance(climb, str) else ""
         return self.climbs[key]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ....formats.scene.bundle import SceneBundle, load_bundle
 from ....formats.vlnce.files import VlnceFile, read_vlnce, write_episodes, write_vlnce
-from ....trajectory_sampler.config import SampleConfig
+from ....trajectory_sampler.config import CROSS_SHARE, SampleConfig
 from ....trajectory_sampler.sampling import sample_episodes
 from ....trajectory_sampler.vlnce.align import align_episodes
 from ....trajectory_sampler.vlnce.align_config import AlignConfig
@@ -50,6 +50,8 @@ class SampleJob:
             "robot_radius_m": self.config.robot_radius_m,
             "clear_for_m": result.clear_for_m,
         }
+        if CROSS_SHARE[self.config.storeys]:
+            facts["climb_height_m"] = self.config.climb_height_m
         return ItemResult(facts)
 
 
@@ -110,6 +112,8 @@ class AlignJob:
             "changed": result.changed,
             "robot_radius_m": self.config.robot_radius_m,
         }
+        if self.config.keep_climbable:
+            facts["climb_height_m"] = self.config.climb_height_m
         return ItemResult(facts)
 
 
