@@ -132,7 +132,7 @@ def test_a_box_over_treads_leaves_no_sliver_beside_them(tmp_path: Path) -> None:
     ends = ends[np.abs(ends - (2.0 + WIDTH_M / 2)) < 0.12]
     x = FOOT_X + 0.1 + 0.1 * np.arange(len(ends))
     boxes = Obstacles(
-        np.column_stack([x, ends - 0.2, np.full_like(x, 0.4)]),
+        np.column_stack([x, ends - 0.2, np.full_like(x, 0.4)]).astype(np.float64),
         np.tile([0.04, 0.2, 0.025], (len(x), 1)),
     )
     save_sheet(bundle.level_folder(0), bundle.floor(0), boxes, bundle.freemap(0))
