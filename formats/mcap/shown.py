@@ -67,8 +67,15 @@ FREE, BLOCKED, NOTHING = (205, 214, 205, 255), (96, 96, 104, 255), (0, 0, 0, 0)
 BELOW_M = 0.02  # so that paths and feet are drawn over it
 
 
-def map_topic(freemap: Freemap) -> ShownTopic:
-    """Return the map as one message: free floor, floor under something, and no floor."""
+def map_topic(*maps: tuple[float, Freemap]) -> ShownTopic:
+    """Return maps, each from a time [s] on: free floor, floor under something, and no floor."""
+    schema = Grid.get_schema()
+    messages = ((nanoseconds(at_s), _grid(at_s, freemap).encode()) for at_s, freemap in maps)
+    data = tuple((at, bytes(message)) for at, message in messages)
+    return ShownTopic(MAP_TOPIC, schema.name, schema.data, data)
+
+
+def _grid(at_s: float, freemap: Freemap) -> Grid:
     floor = np.isfinite(freemap.floor_z_m)
     kind = np.where(floor, np.where(freemap.traversable, 0, 1), 2)
     colors = np.array([FREE, BLOCKED, NOTHING], np.uint8)[kind]
@@ -79,8 +86,8 @@ def map_topic(freemap: Freemap) -> ShownTopic:
         PackedElementField(name=name, offset=k, type=PackedElementFieldNumericType.Uint8)
         for k, name in enumerate(("red", "green", "blue", "alpha"))
     ]
-    grid = Grid(
-        timestamp=timestamp(0.0),
+    return Grid(
+        timestamp=timestamp(at_s),
         frame_id=WORLD_FRAME,
         pose=pose(np.array([x, y, z]), np.array([1.0, 0.0, 0.0, 0.0])),
         column_count=columns,
@@ -90,6 +97,3 @@ def map_topic(freemap: Freemap) -> ShownTopic:
         fields=fields,
         data=colors.tobytes(),
     )
-    schema = Grid.get_schema()
-    message = nanoseconds(0.0), bytes(grid.encode())
-    return ShownTopic(MAP_TOPIC, schema.name, schema.data, (message,))

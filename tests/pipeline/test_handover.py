@@ -2,18 +2,23 @@
 
 import os
 import pickle
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mcap.records import Schema
 
+from tests.support.rollouts import make_rollout
+from tests.support.scenes.storeys import LINE, TOP_M, write_two_storeys
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.camera import CameraModel, DepthRange
+from vlnpe.formats.mcap.camera_streams import message_class
 from vlnpe.formats.video.mp4 import iterate_depth_codes, write_depth_video
 from vlnpe.pipeline.collect.together import sharing
 from vlnpe.pipeline.engine.work import WorkItem
-from vlnpe.pipeline.stages.datasets.mcap_job import McapJob
+from vlnpe.pipeline.stages.datasets.mcap_job import McapJob, maps_on_the_way
 from vlnpe.pipeline.stages.rollouts import handover
 from vlnpe.pipeline.stages.rollouts.handover import DepthKeeper
 from vlnpe.pipeline.stages.rollouts.render_job import RenderJob
@@ -82,3 +87,25 @@ def test_a_replaced_rollout_is_read_again(tmp_path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "new").write_text("two")
     (tmp_path / "new").replace(path)
     assert handover.rollout_at(path) == "two" and read == ["one", "two"]
+
+
+@pytest.mark.parametrize("climbs", [True, False])
+def test_the_map_is_that_of_the_level_on_which_the_robot_is(tmp_path: Path, climbs: bool) -> None:
+    bundle, walk = write_two_storeys(tmp_path), make_rollout(4.0)
+    way = LINE if climbs else LINE * (1.0, 1.0, 0.0)
+    over = {"staircases": [1], "levels": [0, 1]} if climbs else {}
+    episode = replace(
+        walk.episode,
+        level=0,
+        start_position_world_m=way[0],
+        goal_position_world_m=way[-1],
+        extra=over,
+    )
+    height_m = np.interp(walk.time_s, np.linspace(0.0, 4.0, len(way)), way[:, 2])
+    track = np.column_stack([np.zeros((len(height_m), 2)), height_m + 0.4])
+    walk = replace(walk, episode=episode, position_world_m=track)
+    shown = maps_on_the_way(bundle, walk)
+    kind: Any = message_class(Schema(1, shown.schema_data, "protobuf", shown.schema_name))
+    maps = [(at / 1e9, kind.FromString(data).pose.position.z) for at, data in shown.messages]
+    expected = [(0.0, 0.0), (2.0, TOP_M)][: 1 + climbs]
+    assert np.array(maps) == pytest.approx(np.array(expected), abs=0.03)

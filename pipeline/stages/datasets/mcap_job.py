@@ -5,10 +5,12 @@ from functools import lru_cache
 from pathlib import Path
 
 import mujoco
+import numpy as np
 
 from ....collectors.robots import RobotSpec
 from ....formats.convert.facts import DatasetFacts
 from ....formats.core.licences import licence_id
+from ....formats.core.rollout import Rollout
 from ....formats.mcap.episode import write_episode_mcap
 from ....formats.mcap.robot_links import robot_topics
 from ....formats.mcap.rollout import SHOW_EVERY
@@ -57,29 +59,33 @@ class McapJob:
             depth_storage=self.depth_storage,
         )
         recorded = reviewed_rollout(self.rollout, self.review)
-        episode = recorded.episode
-        shown_map = _map(self.scene, episode.level, episode.free_height_m)
         links = robot_links(_body(self.robot), recorded, SHOW_EVERY)
         write_episode_mcap(
             self.out,
             recorded,
             self.frames,
-            shown=(shown_map, *robot_topics(links)),
+            shown=(maps_on_the_way(bundle, recorded), *robot_topics(links)),
             dataset=facts.to_json(),
             depth_codes=self.depth.of(seen.depth_video),
         )
         return ItemResult({"bytes": self.out.stat().st_size})
 
 
+def maps_on_the_way(bundle: SceneBundle, rollout: Rollout) -> ShownTopic:
+    """Return the map of the start's level, and that of the next one from halfway up the stairs."""
+    episode = rollout.episode
+    beyond = episode.levels_along(rollout.position_world_m) != episode.level
+    starts = [(0.0, episode.level)]
+    if beyond.any():
+        starts.append((float(rollout.time_s[np.argmax(beyond)]), episode.levels[-1]))
+    height_m = episode.free_height_m
+    return map_topic(*((at, bundle.freemap(level).for_height(height_m)) for at, level in starts))
+
+
 # The same for all episodes of a scene and robot; they take a tenth of writing one.
 @lru_cache(maxsize=1)
 def _bundle(scene: Path) -> SceneBundle:
     return load_bundle(scene)
-
-
-@lru_cache(maxsize=4)
-def _map(scene: Path, level: int, free_height_m: float) -> ShownTopic:
-    return map_topic(_bundle(scene).freemap(level).for_height(free_height_m))
 
 
 @lru_cache(maxsize=4)

@@ -50,7 +50,7 @@ from vlnpe.pipeline.engine.ledger import Ledger
 
 LAYOUT = Path(__file__).resolve().parents[3] / "docs" / "reference" / "foxglove_layout.json"
 SECONDS = (2.0, 0.0, 3.0)
-SHOWN = (map_topic(small_map()), *robot_topics(small_links(make_rollout(1.0))))
+SHOWN = (map_topic((0.0, small_map())), *robot_topics(small_links(make_rollout(1.0))))
 ASSEMBLY: dict[str, Any] = {
     "provenance": {"config": "abc", "scenes": {"two_rooms": {"licence": "MIT"}}},
     "licence": "mit",

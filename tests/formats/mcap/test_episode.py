@@ -106,7 +106,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rollout, Pa
     rollout = make_rollout(5.0, 2, discrete=True)
     write_frame_folder(root / "frames", rollout)
     path = root / "ep.mcap"
-    shown = (map_topic(small_map()), *robot_topics(small_links(rollout)))
+    shown = (map_topic((0.0, small_map())), *robot_topics(small_links(rollout)))
     write_episode_mcap(path, rollout, root / "frames", shown=shown)
     return path, rollout, root / "frames"
 

@@ -30,7 +30,9 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("written")
     rollout = make_rollout(4.0, discrete=True)
     write_frame_folder(root / "frames", rollout)
-    write_episode_mcap(root / "a.mcap", rollout, root / "frames", shown=(map_topic(small_map()),))
+    write_episode_mcap(
+        root / "a.mcap", rollout, root / "frames", shown=(map_topic((0.0, small_map())),)
+    )
     return root / "a.mcap"
 
 

@@ -102,7 +102,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Rollout, Pa
     root = tmp_path_factory.mktemp("ros2")
     rollout = make_rollout(3.0, 2)
     write_frame_folder(root / "frames", rollout)
-    shown = (map_topic(small_map()), *robot_topics(small_links(rollout)))
+    shown = (map_topic((0.0, small_map())), *robot_topics(small_links(rollout)))
     write_episode_mcap(root / "ep.mcap", rollout, root / "frames", shown=shown)
     unit_from_mcap(root / "ep.mcap", root / "unit")
     ros2_from_unit(root / "unit", root / "walk", URDF)
