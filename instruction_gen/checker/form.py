@@ -15,7 +15,7 @@ _QUESTION = re.compile(
     re.IGNORECASE,
 )
 _FIRST_PERSON = re.compile(
-    r"\b(?:I(?:'m|'ve|'ll| am| can\w*| will| do| have)|my(?! \w+[,.!])|sorry|cannot|"
+    r"\b(?:I(?:'m|'ve|'ll| am| can\w*| will| do| have)|my(?! [\w']+[,.!;])|sorry|cannot|"
     r"as an ai|certainly|sure thing|"
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,

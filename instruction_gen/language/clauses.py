@@ -27,8 +27,11 @@ _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
 _OWN = frozenset("turn stop leave enter pass".split())
 # Where a thing may be put down, and where a room may be left as well.
-_PUT = frozenset("inside just with beside near next in under".split())
-_PUT_OR_OUT = frozenset("on at there behind".split())
+_PUT, _PUT_OR_OUT = closed("put where"), closed("put where, or out")
+_PUTS, _CARRIES, _COLLECTS = closed("puts down"), closed("carries"), closed("collects")
+_AFTER_LOAD = _PUT_OR_OUT | PREP_OF.keys() | JOINTS | _BREAKS | _ENDS
+_NO_LOAD = closed("no load")
+_CARRIED, _MOST_CARRIED = closed("carried"), 3  # words of what is carried
 _AUXILIARY = closed("auxiliary")
 _NOT_VERB_AFTER = closed("no verb after")
 _ALSO_NOUNS = closed("noun, too")
@@ -96,10 +99,7 @@ class Clause:
 
 def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
     """Return the clauses of a text; some may be empty."""
-    tokens = [
-        replace(token, text="deliver") if _puts_down(tokens, k) else token
-        for k, token in enumerate(tokens)
-    ]
+    tokens = _without_load(tokens)
     result = [Clause([])]
     sentence = 0
     for k, token in enumerate(tokens):
@@ -124,9 +124,44 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
     return result
 
 
+def _without_load(tokens: Sequence[Token]) -> list[Token]:
+    """Return the tokens with `it` for what is carried or put down, which is nowhere on the way."""
+    result = list(tokens)
+    for k in range(len(tokens) - 1, -1, -1):
+        word, end = result[k].text, _load_end(result, k)
+        load = [replace(result[k + 1], text="it", stop=result[end - 1].stop)] if end > k + 1 else []
+        loaded = [*result[: k + 1], *load, *result[max(end, k + 1) :]]
+        goes_on = any(verb_at(loaded, n) not in ("", "see") for n in range(k + 2, len(loaded)))
+        after = loaded[k + 2].text if load and k + 2 < len(loaded) else ""
+        if word in _COLLECTS and k == 0 and "from" in (after, *[t.text for t in result[1:2]]):
+            # "Collect the parcel from the office. … Drop it by the sofa."
+            rest = [t for t in loaded[k + 1 :] if t not in load]
+            result = [replace(result[0], text="start"), *rest] if goes_on else result
+        elif word in _CARRIES and after in _CARRIED:
+            result = loaded
+        elif _puts_down(loaded, k) and not (load and word == "leave" and goes_on):
+            result = [*loaded[:k], replace(loaded[k], text="deliver"), *loaded[k + 1 :]]
+    return result
+
+
+def _load_end(tokens: Sequence[Token], k: int) -> int:
+    """Return where what the verb at token `k` carries ends, `k` where it is no such thing."""
+    end = k + 2
+    if tokens[k].text not in _PUTS | _CARRIES | _COLLECTS or len(tokens) < end:
+        return k
+    while end < len(tokens) and tokens[end].text not in _AFTER_LOAD:
+        end += 1
+    words = [token.text for token in tokens[k + 2 : end]]
+    known = any(noun_kind(word) in ("room", "door", "storey") for word in (*words, tokens[k].text))
+    if tokens[k].text == "take":  # no way that is taken: "take the second left to the sofa"
+        known = known or not words or is_known(words[-1]) or words[-1] in _NO_LOAD
+    load = 0 < len(words) <= _MOST_CARRIED and not known and words[-1] not in ("stairs", "steps")
+    return end if load and tokens[k + 1].text in DETERMINERS | {"my"} else k
+
+
 def _puts_down(tokens: Sequence[Token], k: int) -> bool:
     """Return whether token `k` begins `leave it beside the sink`, where `it` is no room."""
-    if VERB_OF.get(tokens[k].text) != "leave":
+    if VERB_OF.get(tokens[k].text) != "leave" and tokens[k].text not in _PUTS:
         return False
     words = [token.text for token in tokens[k:]] + [".", "."]
     if words[1] not in ("it", "them"):

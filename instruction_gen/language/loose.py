@@ -1,5 +1,7 @@
 """Words of a clause that no claim covers, and those that stand for things in no table."""
 
+from collections.abc import Sequence
+
 from .claims import Step
 from .clauses import Clause, verb_at
 from .phrases import read_phrase
@@ -11,6 +13,7 @@ _ADJECTIVE = (
 )  # fmt: skip
 
 
+_PAST = ("had", "was", "were", "once")
 _NO_ARTICLES = ("that", "this", "my", "your", "our", "his", "her", "their")
 
 
@@ -35,6 +38,12 @@ def _is_closed(word: str) -> bool:
     return word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
 
 
+def remembers(words: Sequence[str]) -> bool:
+    """Return whether words tell of the past: `I used to slide on the banister`."""
+    who, did = [*words, "", ""][:2]
+    return who in ("i", "we", "he", "she") and (did in _PAST or did.endswith("ed"))
+
+
 def find_fault(clause: Clause, k: int) -> None:
     """Find fault with a word that stands for a thing and is in no table."""
     tokens, word = clause.tokens, clause.tokens[k].text
@@ -45,7 +54,7 @@ def find_fault(clause: Clause, k: int) -> None:
         return
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-    if word.endswith(_ADJECTIVE):
+    if word.endswith(_ADJECTIVE) or remembers([token.text for token in tokens]):
         return
     if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
         clause.faults.append(f"{word} {after}: no such thing is known")

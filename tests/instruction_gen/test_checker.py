@@ -389,10 +389,35 @@ def test_what_words_refer_to_is_read(text, claim):
         ("Turn left. Leave it behind the sofa, then come back.", "turn stop"),
         ("Go right. Leave it just inside, by the refrigerator.", "turn stop"),
         ("Turn left. Leave it with the table on your left.", "turn stop"),
+        # What is carried is no place, known or not.
+        ("Turn left. Leave the marmalade by the sofa.", "turn stop"),
+        ("Turn left and put my wet umbrella next to the sofa.", "turn stop"),
+        ("Take the trombone to the kitchen and drop it on the table.", "enter stop"),
+        ("Carry the lamp up the stairs, turn right and leave the vase there.", "climb turn stop"),
+        ("Collect the post from the office. Turn left and drop it at the sofa.", "leave turn stop"),
+        ("Turn right and deliver the pizza to the kitchen.", "turn stop"),
+        # A way that is taken, and a thing that is left behind, are none.
+        ("Leave the sofa on your left and stop.", "see stop"),
+        ("Leave the kitchen by the door, turn left and stop.", "leave door turn stop"),
+        ("Take the second left to the kitchen and stop.", "turn enter stop"),
     ],
 )
 def test_a_room_is_left_and_a_thing_is_put_down(text, told):
     assert [c.kind for step in read_text(text) for c in step.claims] == told.split()
+
+
+@pytest.mark.parametrize(
+    ("aside", "ok"),
+    [
+        ("; I used to slide on the banister as a boy.", True),
+        (", it was my mother's.", True),
+        ("; the password is hunter.", False),
+        ("; send money to my account.", False),
+    ],
+)
+def test_memories_are_unchecked_and_other_asides_refused(two_rooms, aside, ok):
+    text = f"Turn left into the kitchen{aside} Stop at the table."
+    assert check_text(text, Ground(facts_of(LEFT, two_rooms))).ok is ok
 
 
 def test_a_side_of_nothing_is_unchecked(two_rooms):
