@@ -17,8 +17,9 @@ from .ground import Visits, waypoints
 from .level import FAR_HOPS, room_hops, visits
 from .view import SceneView
 
-# Starts and goals are at least so far from the staircase: a path goes somewhere on both levels.
-_FROM_STAIRS_M = 2.0
+# Starts and goals are at least so far from the staircase: a path goes somewhere on both levels,
+# unless stairs end on a landing that is smaller.
+_FROM_STAIRS_M, _ON_LANDING_M = 2.0, 1.0
 _ON_FLOOR_M = 0.1  # places within this height of a level's floor are on that level
 
 
@@ -200,8 +201,10 @@ def open_joined(
     for side, level in enumerate(storeys.joins[staircase]):
         freemap = storeys.levels[level].freemap
         way_m = storeys.field_to((staircase, side), radius_m).distance_m
-        somewhere = np.isfinite(way_m) & (way_m >= _FROM_STAIRS_M)
-        places = np.argwhere(freemap.free(config.ends_m) & somewhere)
+        ends = freemap.free(config.ends_m) & np.isfinite(way_m)
+        farthest_m = float(way_m[ends].max(initial=0.0))
+        from_stairs_m = _FROM_STAIRS_M if farthest_m > _FROM_STAIRS_M else _ON_LANDING_M
+        places = np.argwhere(ends & (way_m >= from_stairs_m))
         xy = freemap.grid.center_of(places)
         room = regions[level].at(xy).reshape(-1)
         heights = freemap.floor_z_m[places[:, 0], places[:, 1]].astype(np.float64)

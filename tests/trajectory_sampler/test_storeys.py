@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from tests.support.paths import path_clearance
-from tests.support.scenes.storeys import LENGTH_M, LINE, TOP_M, write_two_storeys
+from tests.support.scenes.storeys import HEAD_X, LENGTH_M, LINE, TOP_M, write_two_storeys
 from vlnpe.formats.core.errors import InputError, SceneError
 from vlnpe.formats.core.geometry import path_length
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.formats.scene.sheet import save_sheet
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
 from vlnpe.trajectory_sampler.sampling import SampleResult, sample_episodes
@@ -95,6 +96,23 @@ def test_a_mixture_has_the_share_of_r2r_and_its_beginning_does_not_depend_on_its
 def test_paths_stay_on_their_level_unless_others_are_wanted(building: SceneBundle) -> None:
     result = sample(building, 2, count=6, storeys="no")
     assert all(not e.staircases and "levels" not in e.extra for e in result.episodes)
+
+
+def test_where_stairs_end_on_a_landing_paths_begin_and_end_on_it(tmp_path: Path) -> None:
+    bundle = write_two_storeys(tmp_path)
+    sheet = bundle.freemap(1)
+    xs = sheet.grid.center_of(np.moveaxis(np.indices(sheet.grid.shape), 0, -1))[..., 0]
+    landing = sheet.traversable & (xs < HEAD_X + 2.4)
+    sheet = replace(
+        sheet, traversable=landing, headroom_m=np.where(landing, sheet.headroom_m, np.float32(0.0))
+    )
+    save_sheet(bundle.level_folder(1), bundle.floor(1), bundle.obstacles(1), sheet)
+    for episode in sample(bundle, count=2).episodes:
+        ends = episode.reference_path_world_m[[0, -1]]
+        ((x, y, _),) = ends[ends[:, 2] > 1.0]
+        assert np.hypot(x - LINE[-1, 0], y - LINE[-1, 1]) >= 1.0 and x < HEAD_X + 2.4
+        (below,) = ends[ends[:, 2] < 1.0]
+        assert np.linalg.norm(below - LINE[0]) >= 2.0
 
 
 def test_new_paths_keep_away_from_known_ones_over_the_same_stairs(building: SceneBundle) -> None:
