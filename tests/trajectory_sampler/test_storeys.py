@@ -102,7 +102,7 @@ def test_where_stairs_end_on_a_landing_paths_begin_and_end_on_it(tmp_path: Path)
     bundle = write_two_storeys(tmp_path)
     sheet = bundle.freemap(1)
     xs = sheet.grid.center_of(np.moveaxis(np.indices(sheet.grid.shape), 0, -1))[..., 0]
-    landing = sheet.traversable & (xs < HEAD_X + 2.4)
+    landing = sheet.traversable & (xs < HEAD_X + 1.9)
     sheet = replace(
         sheet, traversable=landing, headroom_m=np.where(landing, sheet.headroom_m, np.float32(0.0))
     )
@@ -110,7 +110,7 @@ def test_where_stairs_end_on_a_landing_paths_begin_and_end_on_it(tmp_path: Path)
     for episode in sample(bundle, count=2).episodes:
         ends = episode.reference_path_world_m[[0, -1]]
         ((x, y, _),) = ends[ends[:, 2] > 1.0]
-        assert np.hypot(x - LINE[-1, 0], y - LINE[-1, 1]) >= 1.0 and x < HEAD_X + 2.4
+        assert np.hypot(x - LINE[-1, 0], y - LINE[-1, 1]) >= 1.0 and x < HEAD_X + 1.9
         (below,) = ends[ends[:, 2] < 1.0]
         assert np.linalg.norm(below - LINE[0]) >= 2.0
 
