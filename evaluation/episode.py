@@ -58,7 +58,7 @@ class PolicyChooser:
         if isinstance(eye, Eye) and getattr(self.policy, "wants_labels", False):
             rgb, depth_m, labels = eye.look_labelled()
         else:
-            rgb, depth_m = eye.look()
+            rgb, depth_m = eye.look(getattr(self.policy, "reads_px", None))
         if isinstance(eye, Eye) and getattr(self.policy, "wants_lens", False):
             lens = eye.lens(self._start)
         return Observation(

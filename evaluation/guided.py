@@ -29,6 +29,7 @@ class _Mixture:
         self.blind = policy.blind
         self.wants_lens = getattr(policy, "wants_lens", False)
         self.wants_labels = getattr(policy, "wants_labels", False)
+        self.reads_px = getattr(policy, "reads_px", None)
         self.advice: list[Action] = []
         self.executed: list[Action] = []
 

@@ -87,8 +87,8 @@ class Observation:
     """An observation at one step, while physics stands still.
 
     Attributes:
-        rgb: (H, W, 3) uint8 sRGB of the robot's own camera.
-        depth_m: (H, W) float32 planar z [m], 0 = nothing there.
+        rgb: (H, W, 3) uint8 sRGB of the robot's own camera; smaller for policies with `reads_px`.
+        depth_m: (H, W) float32 planar z [m], 0 = nothing there; likewise.
         pose: (3,) float64 x, y [m] and yaw [rad] in the frame of the start pose: x forward, y left.
         proprioception: (2 J + 9,) float64 joint positions [rad or m], joint velocities, linear
             velocity [m/s], angular velocity [rad/s] and the direction of gravity, the last three
@@ -120,7 +120,8 @@ class Eye:
     """The robot's own camera in a world, looking at its present state.
 
     It renders with the calls that rendering a recorded rollout makes, from the same numbers, so
-    that an observation is bit-equal to the frame that collection renders of that state.
+    that an observation is bit-equal to the frame that collection renders of that state, unless it
+    is drawn for a side.
     """
 
     def __init__(self, world: World, view: View, renderer: Renderer) -> None:
@@ -134,9 +135,14 @@ class Eye:
         self._body = MountedBody(world.robot, world.robot.joint_names, view.rig)
         self._looked_from: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
-    def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-        """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now."""
-        return self._renderer.render(*self._view_arguments())
+    def look(self, side_px: int | None = None) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """Return RGB (H, W, 3) uint8 and depth (H, W) float32 [m] of the state now.
+
+        With `side_px` they are as `Renderer.render_for` draws them.
+        """
+        if side_px is None:
+            return self._renderer.render(*self._view_arguments())
+        return self._renderer.render_for(side_px, *self._view_arguments())
 
     def look_labelled(self) -> tuple[NDArray[np.uint8], NDArray[np.float32], Labels]:
         """Return RGB, depth and the labels of the state now."""
@@ -181,7 +187,7 @@ class BlankEye:
         shape = (camera.height_px, camera.width_px)
         self._images = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
 
-    def look(self) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    def look(self, side_px: int | None = None) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """Return RGB (H, W, 3) uint8 and depth (H, W) float32, all zeros."""
         return self._images
 

@@ -62,7 +62,8 @@ class Policy(Protocol):
     A policy may have a list `said`: texts in it are taken out after each action and kept among the
     rollout's events. Its counts `unclear` and `left_out`, see `Labeller`, go to the results. One
     with a true `wants_lens` or `wants_labels` gets those fields of
-    `Observation`.
+    `Observation`. One with a side `reads_px` shrinks what it sees to a square of that side, and
+    gets pictures drawn no larger than that needs; see `Renderer.render_for`.
 
     Attributes:
         blind: it uses no images, so none need to be rendered.

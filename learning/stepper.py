@@ -87,6 +87,12 @@ class Stepper:
         self._language = language_of(checkpoint.card)
         self._read: Read | None = None
 
+    @property
+    def reads_px(self) -> int | None:
+        """The side to which it shrinks images; None where RGB and depth have different ones."""
+        size = self._checkpoint.card.config.size_px
+        return size if self._encoder is None or self._encoder.size_px == size else None
+
     @torch.inference_mode()
     def begin(self, instruction: str, name: str) -> None:
         """Begin an episode; `name` and the seed determine its draws."""

@@ -1,15 +1,23 @@
 """The default renderer: Embree traces, numba shades; no GPU, no display."""
 
-import numpy as np
+import math
+from dataclasses import replace
 
-from ..formats.core.arrays import F32, I32, I64
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..formats.core.arrays import F32, I32, I64, U8
+from ..formats.core.camera import CameraModel
 from ..formats.scene.bundle import SceneBundle
 from .camera.rays import SUBPIXELS
 from .frame import NOTHING, Drawn, RenderRequest
 from .interface import Renderer
 from .kernels.data import Hits
+from .scene.robot_body import RobotGeometryPose
 from .scene.robot_trace import RobotTracer, VisibleGeom
 from .scene_tracer import pixel_directions
+
+FINER = 2  # pixels of a drawing per pixel of the side to which its reader shrinks it, at least
 
 
 class SceneRenderer(Renderer):
@@ -27,13 +35,55 @@ class SceneRenderer(Renderer):
         self._directions = np.empty((0, 3), dtype=np.float32)
         self._robot = RobotTracer()
 
+    def render_for(
+        self,
+        side_px: int,
+        camera: CameraModel,
+        position_world_m: ArrayLike,
+        quat_wxyz: ArrayLike,
+        robot: RobotGeometryPose | None = None,
+    ) -> tuple[U8, F32]:
+        """See `Renderer.render_for`: RGB of fewer pixels, and one ray for each depth picked."""
+        request = RenderRequest(
+            _smaller(camera, FINER * side_px), position_world_m, quat_wxyz, robot, np.inf, None
+        )
+        if request.camera == camera:
+            return self.render(camera, position_world_m, quat_wxyz, robot)
+        geoms, spheres = self._robot.visible(request)
+        drawn = self._draw_with(request, geoms, spheres)
+        return drawn.rgb, self._picked_depth(side_px, camera, request, geoms)
+
+    def _picked_depth(
+        self, side: int, camera: CameraModel, request: RenderRequest, geoms: list[VisibleGeom]
+    ) -> F32:
+        """Return the depth (side, side) at the pixels of `camera` that a reader would pick."""
+        width, height = camera.width_px, camera.height_px
+        columns, rows = ((2 * np.arange(side) + 1) * n // (2 * side) for n in (width, height))
+        pixels = (rows[:, None] * width + columns).ravel()
+        directions = pixel_directions(replace(request, camera=camera))[pixels]
+        hits = Hits.nothing(len(pixels))
+        hits.depth[:] = self._scene.first_hits(request, directions).depth
+        light = self._scene.lighting(request).light
+        drawn = request.camera  # whose pixels the geoms' rectangles count
+        columns = (2 * columns + 1) * drawn.width_px // (2 * width)
+        rows = (2 * rows + 1) * drawn.height_px // (2 * height)
+        for geom in geoms:
+            left, top, right, bottom = geom.rectangle_px
+            inside = ((rows >= top) & (rows < bottom))[:, None] & (columns >= left)
+            rays = np.flatnonzero(inside & (columns < right))
+            self._robot.trace(geom, rays, directions, request.position, light, hits)
+        hits.depth[np.isinf(hits.depth)] = 0.0
+        return hits.depth.reshape(side, side)
+
     def _draw(self, request: RenderRequest) -> Drawn:
+        return self._draw_with(request, *self._robot.visible(request))
+
+    def _draw_with(self, request: RenderRequest, geoms: list[VisibleGeom], spheres: F32) -> Drawn:
         width, height = request.camera.width_px, request.camera.height_px
         count = width * height
         if len(self._directions) != count:
             self._directions = np.empty((count, 3), dtype=np.float32)
         directions = pixel_directions(request, self._directions)
-        geoms, spheres = self._robot.visible(request)
         lighting = self._scene.lighting(request, spheres)
         order = self._scene.pixel_order(request.camera)
         hits = self._scene.trace(directions, order, request, lighting)
@@ -55,6 +105,14 @@ class SceneRenderer(Renderer):
             (hits.surface < NOTHING).reshape(shape),
             hits.prim.reshape(shape),
         )
+
+
+def _smaller(camera: CameraModel, side_px: int) -> CameraModel:
+    """Return the smallest camera of the same aspect with sides of at least `side_px`, or itself."""
+    steps = math.gcd(camera.width_px, camera.height_px)
+    width, height = camera.width_px // steps, camera.height_px // steps
+    count = min(-(-side_px // min(width, height)), steps)
+    return replace(camera, width_px=count * width, height_px=count * height)
 
 
 def _samples_inside(geom: VisibleGeom, pixels: I32, width: int) -> I64:

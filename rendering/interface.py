@@ -59,6 +59,22 @@ class Renderer(ABC):
         )
         return drawn.rgb, drawn.depth_m
 
+    def render_for(
+        self,
+        side_px: int,
+        camera: CameraModel,
+        position_world_m: ArrayLike,
+        quat_wxyz: ArrayLike,
+        robot: RobotGeometryPose | None = None,
+    ) -> tuple[U8, F32]:
+        """Render one frame for a reader who shrinks it to a square; see `render`.
+
+        The reader averages RGB over areas (`cv2.INTER_AREA`) and picks depth
+        (`cv2.INTER_NEAREST_EXACT`). It may get less than the camera's image: smaller RGB of nearly
+        the same averages, and the depth (side, side) that it would pick.
+        """
+        return self.render(camera, position_world_m, quat_wxyz, robot)
+
     def render_labelled(
         self,
         camera: CameraModel,

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ..formats.core.arrays import F32, I32, U8, Mask
 from ..formats.core.camera import CameraModel
 from ..formats.scene.bundle import SceneBundle, VisualMesh
-from ..geometry.rays.packets import TILES, PacketScene, tile_order
+from ..geometry.rays.packets import TILES, PacketHits, PacketScene, tile_order
 from .camera.rays import SUBPIXELS, fill_directions, list_order, subpixel_directions
 from .frame import RenderRequest
 from .kernels.data import Hits, LightArrays, Packets
@@ -166,15 +166,18 @@ class SceneTracer:
 
     def triangles(self, request: RenderRequest) -> I32:
         """Return the triangle (H, W) at each pixel's centre, −1 = none."""
-        directions = pixel_directions(request)
+        prim = self.first_hits(request, pixel_directions(request)).prim
+        return prim.reshape(request.camera.height_px, request.camera.width_px)
+
+    def first_hits(self, request: RenderRequest, directions: F32) -> PacketHits:
+        """Return what rays (N, 3) from the eye hit, without shading it."""
         origins = np.tile(request.position.astype(np.float32), (len(directions), 1))
         if request.position[2] > request.cut_above_m:
             down = np.minimum(directions[:, 2], np.float32(-1e-6))
             rise = np.float32(request.cut_above_m - request.position[2])
             origins += rise / down[:, None] * directions
         far = np.full(len(directions), np.inf, dtype=np.float32)
-        prim = self.rays.trace(origins=origins, directions=directions, far=far).prim
-        return prim.reshape(request.camera.height_px, request.camera.width_px)
+        return self.rays.trace(origins=origins, directions=directions, far=far)
 
     def first_hit_m(self, origin_world_m: ArrayLike, direction_world: ArrayLike) -> float:
         """Return the distance [m] along a ray from (3,) towards (3,); inf when nothing is hit."""

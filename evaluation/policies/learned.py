@@ -17,6 +17,7 @@ class LearnedPolicy:
         """Get ready."""
         self.blind = not {"rgb", "depth"} & set(checkpoint.card.config.model.inputs)
         self._stepper = Stepper(checkpoint, choice)
+        self.reads_px = self._stepper.reads_px
 
     @classmethod
     def load(cls, path: Path, choice: Choice = LIKELIEST) -> "LearnedPolicy":

@@ -17,6 +17,7 @@ from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_s
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye
 from vlnpe.evaluation.policies.learned import LearnedPolicy
+from vlnpe.evaluation.policies.registry import shipped_policies
 from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.learning.card import Card, View
 from vlnpe.learning.checkpoint import Checkpoint, load_checkpoint
@@ -26,6 +27,7 @@ from vlnpe.learning.models.registry import build_model
 from vlnpe.learning.stepper import Choice, Sight, Stepper, discrete_plan
 from vlnpe.learning.training.plan import Request
 from vlnpe.learning.training.session import train_recipe
+from vlnpe.rendering.camera.views import make_view
 from vlnpe.rendering.registry import make_renderer
 
 SMALL = {"channels": [8, 16], "hidden": 48, "words": 16, "dropout": 0.0, "layers": 1}
@@ -58,6 +60,8 @@ class Watched:
 
     def __init__(self, checkpoint: Checkpoint, actions: list[Action]):
         self.stepper, self.actions = Stepper(checkpoint), actions
+        self.reads_px: int | None = None
+        self.sizes: set[tuple[int, ...]] = set()
         self.predicted: list[dict[str, torch.Tensor]] = []
 
     def reset(self, assignment: Any) -> None:
@@ -65,6 +69,7 @@ class Watched:
 
     def act(self, seen: Any) -> Action:
         sight = Sight(seen.rgb, seen.depth_m, seen.previous_action, seen.pose)
+        self.sizes.add(seen.rgb.shape[:2])
         self.predicted.append(self.stepper.predict(sight))
         return self.actions[seen.step]
 
@@ -106,6 +111,23 @@ def test_the_agent_sees_inputs_like_the_loaders(
         spread = float(trained[key].std(1).mean())
         apart = float((live - trained[key]).abs().max()) / spread
         assert apart < (0.5 if "rgb" in inputs else 0.02), apart
+
+
+def test_pictures_drawn_for_a_model_are_worth_the_whole_ones(walks: Walks) -> None:
+    checkpoint = load_checkpoint(shipped_policies()["cma"])
+    view = make_view("ego", "vlnce", width_px=128, height_px=128)
+    walked = replace(walks, view=view)
+    for number, rollout in enumerate(walks.rollouts):
+        predicted = []
+        for reads_px in (LearnedPolicy(checkpoint).reads_px, None):
+            watched = Watched(checkpoint, [span.action for span in rollout.actions])
+            watched.reads_px = reads_px
+            walk(walked, number, watched)
+            side = 128 if reads_px is None else 64
+            assert watched.sizes == {(side, side)}
+            predicted.append(torch.cat([p["action"] for p in watched.predicted], 1))
+        drawn, whole = predicted
+        assert float((drawn - whole).abs().max() / whole.std(1).mean()) < 0.5
 
 
 @pytest.mark.parametrize("name", ["cma", "seq2seq"])

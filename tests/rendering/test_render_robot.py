@@ -7,6 +7,7 @@ import pytest
 
 from tests.support.scenes.render_scenes import SQUARE, ball_robot, facing
 from vlnpe.collectors.robots import ROBOTS, get_robot
+from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.frames import OPTICAL_IN_BODY, quat_to_matrix, yaw_to_quat
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.rendering.interface import Renderer
@@ -74,6 +75,32 @@ def test_the_body_stands_before_the_wall_at_its_own_depth(
     radius_px = SQUARE.focal_px * 0.2 / np.sqrt(1.5**2 - 0.2**2)
     assert robot.sum() == pytest.approx(np.pi * radius_px**2, rel=0.06)
     assert (depth <= empty).all()
+
+
+@pytest.mark.parametrize("size_px", [(128, 128), (320, 200)])
+def test_a_drawing_for_a_reader_shows_what_it_would_find_in_the_whole_picture(
+    renderer: Renderer, ball: RobotBody, size_px: tuple[int, int]
+) -> None:
+    camera, side = CameraModel("test", *size_px, 90.0), 48
+    pose = ball.pose([6.5, 2.5, 1.3], UPRIGHT, [0.0])
+    for yaw in np.linspace(0.0, 6.0, 7):
+        shot = camera, [5.3, 2.4, 1.3], facing(yaw, 0.1), pose
+        rgb, depth = renderer.render(*shot)
+        small, picked = renderer.render_for(side, *shot)
+        assert small.shape[0] * small.shape[1] < 0.6 * camera.width_px * camera.height_px
+        nearest = cv2.resize(depth, (side, side), interpolation=cv2.INTER_NEAREST_EXACT)
+        assert np.isclose(picked, nearest).mean() > 0.999  # rays along an edge may take either side
+        whole, mean = (
+            cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA).astype(float)
+            for image in (rgb, small)
+        )
+        assert abs(mean - whole).mean() < 3.0
+
+
+def test_a_reader_of_the_whole_picture_gets_it(renderer: Renderer) -> None:
+    shot = SQUARE, [5.0, 2.5, 1.3], facing(0.0)
+    for seen, whole in zip(renderer.render_for(100, *shot), renderer.render(*shot), strict=True):
+        assert np.array_equal(seen, whole)
 
 
 def test_the_body_behind_a_wall_is_not_seen(renderer: Renderer, ball: RobotBody) -> None:
