@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -58,7 +59,7 @@ class SceneRenderer(Renderer):
     ) -> F32:
         """Return the depth (side, side) at the pixels of `camera` that a reader would pick."""
         width, height = camera.width_px, camera.height_px
-        columns, rows = ((2 * np.arange(side) + 1) * n // (2 * side) for n in (width, height))
+        columns, rows = (_picked(n, side) for n in (width, height))
         pixels = (rows[:, None] * width + columns).ravel()
         directions = pixel_directions(replace(request, camera=camera))[pixels]
         hits = Hits.nothing(len(pixels))
@@ -113,6 +114,13 @@ def _smaller(camera: CameraModel, side_px: int) -> CameraModel:
     width, height = camera.width_px // steps, camera.height_px // steps
     count = min(-(-side_px // min(width, height)), steps)
     return replace(camera, width_px=count * width, height_px=count * height)
+
+
+def _picked(count: int, side: int) -> I64:
+    """Return those of `count` pixels in a row that a reader picks, (side,)."""
+    row = np.arange(count, dtype=np.float32)[None]
+    picked = cv2.resize(row, (side, 1), interpolation=cv2.INTER_NEAREST_EXACT)
+    return np.asarray(picked[0], dtype=np.int64)
 
 
 def _samples_inside(geom: VisibleGeom, pixels: I32, width: int) -> I64:
