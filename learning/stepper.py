@@ -119,9 +119,10 @@ class Stepper:
             "previous_action": torch.tensor([[sight.previous_action + 1]]),
             "mask": torch.ones(1, 1, dtype=torch.bool),
             "pose": _floats(self._poses[-1])[None, None],
-            "past": self._past()[None, None],
         }
         model = self._checkpoint.model
+        if isinstance(model, Rdp):
+            batch["past"] = self._past()[None, None]
         small = self._encoder is not None or card.config.model.encoder == "compact"
         with _one_thread() if small else nullcontext():
             predicted, self._memory = model.advance(self._read, batch, self._memory)

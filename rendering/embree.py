@@ -60,9 +60,12 @@ class SceneRenderer(Renderer):
         """Return the depth (side, side) at the pixels of `camera` that a reader would pick."""
         width, height = camera.width_px, camera.height_px
         columns, rows = (_picked(n, side) for n in (width, height))
-        pixels = (rows[:, None] * width + columns).ravel()
-        directions = pixel_directions(replace(request, camera=camera))[pixels]
-        hits = Hits.nothing(len(pixels))
+        x = (columns + 0.5 - 0.5 * width) / camera.focal_px
+        y = (rows + 0.5 - 0.5 * height) / camera.focal_px
+        right, down, ahead = request.rotation.T
+        directions = right * x[:, None] + (down * y[:, None])[:, None] + ahead
+        directions = directions.reshape(-1, 3).astype(np.float32)
+        hits = Hits.nothing(len(directions))
         hits.depth[:] = self._scene.first_hits(request, directions).depth
         light = self._scene.lighting(request).light
         drawn = request.camera  # whose pixels the geoms' rectangles count
