@@ -20,6 +20,7 @@ from .refer import (
     at_turn,
     before_reached,
     in_view,
+    moment_at,
     new_in_view,
     passed,
     walked_to,
@@ -29,6 +30,7 @@ _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
 _AT_ONCE_M = 1.3
 _JUST_M = 1.5
+_SIDED_DEG = 40.0  # a thing so far aside of who enters is on his side
 _SWING_M = 0.4  # a doorway so far to the other side is not on its side
 _AGAIN = {"turn": "again", "turn_enter": "again_enter"}
 _TURNED = ("turn", "leave_turn", "out_turn", "enter_turn", "leave_turn_enter", "turn_enter")
@@ -261,7 +263,11 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
     if many and doorway and (passage.alike or _counts(passage, facts)):
         return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
-        return replace(event, kind="enter_see", X=mark)
+        here = moment_at(mark.mark, passage.along_m + within[-1])
+        aside = here is not None and abs(here.bearing_deg) > _SIDED_DEG
+        here_side = "left" if here and here.bearing_deg > 0 else "right"
+        kind = "enter_with" if aside and not mark.plural else "enter_see"
+        return replace(event, kind=kind, X=mark, s=here_side if aside else side)
     if passage.alike:
         kind = "enter_nth" if passage.side and doorway else "enter_ahead"
         return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
