@@ -3,6 +3,7 @@
 import gzip
 import json
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from mcap.reader import make_reader
@@ -14,7 +15,7 @@ from ...formats.rendered.folder import read_frame_folder
 from ...formats.scene.bundle import load_bundle
 from ...formats.scene.visibility import read_visibility
 from ...formats.video.stream import demux_packets, open_video, probe_video
-from ...formats.vlnce.files import read_episodes
+from ...formats.vlnce.files import read_episodes, read_vlnce
 from ...instruction_gen.facts.named import read_named
 from ...scene_repair.verify.scene import verify_scene
 from .dataset import check_dataset
@@ -118,7 +119,8 @@ READERS: dict[str, Callable[[Path], object]] = {
     "sample": read_episodes,
     "align": read_episodes,
     "drive": read_episodes,
-    "filter": read_episodes,
+    # Episodes of others as they were, without what we write into ours.
+    "filter": partial(read_vlnce, strict=True),
     "look": read_visibility,
     "name": lambda path: read_named([path]),
     "instruct": _instructed,

@@ -274,6 +274,26 @@ def test_mcap_times_and_counts_are_checked(run: Path):
     assert any(cut.name in what for what in problems(run))
 
 
+def test_filtered_episodes_of_others_are_read_as_they_are(tmp_path: Path):
+    point = [0.0, 0.0, 0.0]
+    episode = {
+        "episode_id": "1",
+        "trajectory_id": "1",
+        "scene_id": "house",
+        "start_position": point,
+        "start_rotation": [0.0, 0.0, 0.0, 1.0],
+        "goals": [{"position": [1.0, 0.0, 0.0], "radius": 3.0}],
+        "reference_path": [point, [1.0, 0.0, 0.0]],
+        "instruction": {"instruction_text": "Go."},
+    }
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps({"episodes": [episode]}))
+    check_output("filter", file)
+    file.write_text(json.dumps({"episodes": [episode, episode]}))
+    with pytest.raises(FileFormatError, match="occurs twice"):
+        check_output("filter", file)
+
+
 @pytest.mark.parametrize(
     ("last", "damaged", "advised"),
     [
