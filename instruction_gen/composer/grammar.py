@@ -44,7 +44,7 @@ _MORE = frozenset(("more", "another", "further", "onwards", "continue", "keep", 
 # "Turning left outside, turn right", "past the TV past the sofa": how a phrase begins, and what the
 # one before it then does not say.
 _TWICE = (("past", "past"), ("turn", "turning"), ("go left", "turning"), ("go right", "turning"),
-          ("take a", "turning"))  # fmt: skip
+          *((word, "turning") for word in ("take a", "make a", "hang a")))  # fmt: skip
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
