@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from .claims import Claim
 from .lexicon import noun_kind
-from .phrases import read_side
+from .phrases import half_more, read_side
 from .tables import closed
 from .tokens import Token
 from .words import (
@@ -109,7 +109,7 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
         elif word in _ENDS:
             sentence += 1
             result.append(Clause([], sentence=sentence))
-        elif word == "and" and [t.text for t in tokens[k + 1 : k + 3]] == ["a", "half"]:
+        elif half_more(tokens, k):
             result[-1].tokens.append(token)
         elif word in _BREAKS or word in JOINTS:
             if result[-1].tokens or word in JOINTS:

@@ -146,8 +146,8 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
                 return _VAGUE_M, True, k + 1
             k += 1
             after = [t.text for t in tokens[k : k + 3]]
-            if after == ["and", "a", "half"]:
-                amount, k = amount + 0.5, k + 3
+            if half := half_more(tokens, k):
+                amount, k = amount + 0.5, k + half
             elif after[:2] == ["or", "two"]:
                 return 1.5 * unit, True, k + 2
             return amount * unit, vague, k + 2 * (after[:2] == ["or", "so"])
@@ -169,6 +169,12 @@ def read_distance(tokens: Sequence[Token], k: int) -> tuple[float, bool, int] | 
             return None
         k += 1
     return None
+
+
+def half_more(tokens: Sequence[Token], k: int) -> int:
+    """Return how many tokens at `k` are `and (a) half`, 0 where they are not."""
+    words = [t.text for t in tokens[k : k + 3]]
+    return 3 if words == ["and", "a", "half"] else 2 * (words[:2] == ["and", "half"])
 
 
 _ONE_UNIT = closed("one unit")
@@ -220,7 +226,7 @@ def _before_or_behind(tokens: Sequence[Token], k: int) -> tuple[str, bool, int] 
         sided = read_side(tokens, k + 2)
         return sided if sided and sided[1] else ("behind", True, k + 2)
     if two[:1] == ["ahead"] and (sided := read_side(tokens, k + 1)) is not None:
-        return sided  # "ahead on the right"
+        return sided[0], True, sided[2]  # "ahead on the right"
     if two == ["ahead"] or (two[:1] == ["ahead"] and two[1] not in DETERMINERS):
         return "ahead", True, k + 1
     return None

@@ -140,7 +140,10 @@ class _Reader:
         if not starts:
             return
         last = before.last or Claim("turn")
-        same = (last.what == starts[0].what and last.kind != "leave") or last.kind == "pass"
+        taken = starts[0].what == "door" != last.what and clause.says("next", *ORDINALS)
+        same = (last.what == starts[0].what and last.kind != "leave") or (
+            last.kind == "pass" and not taken  # "past the sofa, next door left"
+        )
         if same or before.negated or before.verb in ("stop", "see"):
             placed = any(read_side(clause.tokens, k) for k in range(len(clause.tokens)))
             clause.verb = before.verb
@@ -161,7 +164,12 @@ class _Reader:
                 offset = PREP_OF.get(tokens[end].text) if end < len(tokens) else ""
                 away = end < len(tokens) and tokens[end].text == "away"
                 near = clause.verb == "stop" and metres < _NEAR_M  # "stop a step or two before it"
-                offset = away or near or (offset in _OFFSETS and clause.verb != "go")
+                # "The sofa is a metre ahead", "three metres in": from it, or from the door.
+                placed = end < len(tokens) and (read_side(tokens, end) or ("", False))[1]
+                placed = placed and (clause.verb == "see" or any(c.what for c in claims))
+                inside = offset == "in" and clause.verb == "stop"
+                offset = placed or inside or offset in _OFFSETS
+                offset = away or near or (offset and clause.verb != "go")
                 if not (clause.negated or offset):
                     claims.append(Claim("walk", metres=metres, vague=vague))
                 k = end

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause, degree_of, part_end, verb_at
-from .phrases import read_phrase, read_side
+from .phrases import read_distance, read_phrase, read_side
 from .tables import closed
 from .targets import sided
 from .words import BENDS, ORDINALS, PREP_OF, RIGHT_ADVERB, SLIGHT
@@ -30,7 +30,8 @@ def listed_side(
     if k < 0 or before is None or not (clause.joint or clause.until):
         return False
     side, placed, end = read_side(tokens, k) or ("", False, 0)
-    rest = [t.text for t in (*tokens[:k], *tokens[end:])]
+    _, _, from_k = read_distance(tokens, 0) or (0.0, False, 0)  # "…, 0.6 m on the left"
+    rest = [t.text for t in (*tokens[from_k:k], *tokens[end:])]
     last = before.last
     moved = "again" in rest or bool(last and last.kind in ("door", "leave", "enter"))
     # "The table, which you will see on your right", "both of which are on the left".

@@ -92,7 +92,8 @@ def _parts(word: str, start: int, stop: int) -> list[Token]:
     if "-" in word[1:] and word[0].isalpha() and not _is_noun(word) and word not in NUMBERS:
         result, at = [], start
         for part in word.split("-"):
-            result.append(Token(part, at, at + len(part)))
+            side = _SHORT[part] if part in ("l", "r") else part  # "ahead-R", but "U-turn"
+            result.append(Token(side, at, at + len(part)))
             at += len(part) + 1
         return result
     return [Token(word, start, stop)]

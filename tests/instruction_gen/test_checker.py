@@ -369,6 +369,9 @@ def test_claims_of_another_form_are_refused(claims, complaint):
             "Head for the door, past the sofa on your left. Stop at the bed.",
             ("pass", "sofa", "left"),
         ),
+        # How far away a thing is.
+        ("Turn left and stop at the sofa, 0.8 m on R.", ("stop", "sofa", "right")),
+        ("Stop at the bed, lamp 2 m ahead-L.", ("stop", "lamp", "left")),
     ],
 )
 def test_what_words_refer_to_is_read(text, claim):
@@ -400,9 +403,15 @@ def test_what_words_refer_to_is_read(text, claim):
         ("Leave the sofa on your left and stop.", "see stop"),
         ("Leave the kitchen by the door, turn left and stop.", "leave door turn stop"),
         ("Take the second left to the kitchen and stop.", "turn enter stop"),
+        # A side written short is that of the thing before it, or a turn.
+        ("Shower R, tub L, exit to hallway, L along rug, stop.", "see see enter turn pass stop"),
+        ("Past sofa on right, next door right, stop.", "pass door stop"),
+        # A distance from the walker or the door is no way still to go.
+        ("Turn left; the fridge is two metres ahead. Stop there.", "turn see stop"),
+        ("Go right and stop three metres in, by the window.", "turn stop"),
     ],
 )
-def test_a_room_is_left_and_a_thing_is_put_down(text, told):
+def test_what_is_done_is_read(text, told):
     assert [c.kind for step in read_text(text) for c in step.claims] == told.split()
 
 
@@ -464,6 +473,7 @@ def test_numbers_are_read(two_rooms):
     assert metres("Walk twenty-five metres and stop.") == [25.0]
     assert metres("Walk half a mile and stop.") == [pytest.approx(804.5)]
     assert metres("Walk a metre and a half and stop.") == [1.5]
+    assert metres("Go two metres and half and stop.") == [2.5]
     assert metres("Go for two hundred feet and stop.") == [pytest.approx(61.0)]
     assert np.isclose(metres("Take a few steps and stop.")[0], 2.0)
     assert metres("Walk 1-1.5 m and stop.") == [1.25]
