@@ -126,10 +126,9 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         self._config = closed_loop(replace(base, robot=robot, controller=controller))
         spec = get_robot(robot)
         self._bundle = load_bundle(Path(scene))
-        lowest = min(episodes, key=lambda episode: episode.free_height_m)
-        physics = base.physics.for_episode(lowest)
+        physics = base.physics.for_episode(*episodes)
         self.world: World = open_world(
-            self._bundle, lowest.level, spec, None, physics, cache_dir, lowest.staircase
+            self._bundle, episodes[0].level, spec, None, physics, cache_dir, episodes[0].staircase
         )
         self._view = view or make_view("ego", spec, renderer=scene_renderer_name(Path(scene)))
         self._eye: Eye | BlankEye = BlankEye(self._view.camera)

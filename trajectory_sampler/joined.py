@@ -203,7 +203,8 @@ def open_joined(
         way_m = storeys.field_to((staircase, side), radius_m).distance_m
         ends = freemap.free(config.ends_m) & np.isfinite(way_m)
         farthest_m = float(way_m[ends].max(initial=0.0))
-        from_stairs_m = _FROM_STAIRS_M if farthest_m > _FROM_STAIRS_M else _ON_LANDING_M
+        # A small landing leaves a metre of its own.
+        from_stairs_m = min(_FROM_STAIRS_M, max(_ON_LANDING_M, farthest_m - _ON_LANDING_M))
         places = np.argwhere(ends & (way_m >= from_stairs_m))
         xy = freemap.grid.center_of(places)
         room = regions[level].at(xy).reshape(-1)

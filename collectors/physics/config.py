@@ -29,12 +29,11 @@ class LevelModelConfig:
     climb_height_m: float = FULL_HEIGHT_M
     headroom_m: float = 0.15
 
-    def for_episode(self, episode: Episode) -> "LevelModelConfig":
-        """Return this with the free heights that the episode's path was planned for."""
-        if not episode.staircases:
-            return replace(self, free_height_m=episode.free_height_m)
+    def for_episode(self, *episodes: Episode) -> "LevelModelConfig":
+        """Return this with the least free heights that the episodes' paths were planned for."""
+        climbs = [e.climb_height_m for e in episodes if e.staircases]
         return replace(
             self,
-            free_height_m=episode.free_height_m,
-            climb_height_m=episode.climb_height_m,
+            free_height_m=min(e.free_height_m for e in episodes),
+            climb_height_m=min(climbs, default=self.climb_height_m),
         )

@@ -1,7 +1,7 @@
 """The verdict about a text: what its claims get wrong, and what no claim covers."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..language.claims import Step
 from ..language.loose import remembers
@@ -50,7 +50,8 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
         return Verdict(tuple(problems), ((0, len(text), tuple(problems)),))
     if steps:
         steps = tuple(as_worded(step) for step in steps)
-        return _judged(text, goal_last(steps), ground, accounting_problems(steps, text))
+        verdict = _judged(text, goal_last(steps), ground, accounting_problems(steps, text))
+        return replace(verdict, steps=steps)
     verdicts = []
     for read in readings(text):
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]

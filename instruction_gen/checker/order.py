@@ -135,7 +135,7 @@ class Alignment:
         rooms = (
             self.ground.rooms(c.name) for c in said.before if c.kind in ("in", "enter", "leave")
         )
-        again = any(names & own for own in rooms) or facts.level_rooms.count(said.claim.name) > 1
+        again = any(names & own for own in rooms)
         return NEVER * (not again and any(v.room in names for v in facts.visits[1:]))
 
     def _place(self, said: Said, before: Costs) -> _Moved:

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..language.claims import Claim, Step
+from ..language.tokens import tokenize
+from ..language.words import VERB_OF
 
 WAYS = ("walk", "in", "door", "leave", "enter")
 _NOTHING = Claim("walk")
@@ -139,6 +141,8 @@ def goal_last(steps: Sequence[Step]) -> tuple[Step, ...]:
     """
     stops = [k for k, step in enumerate(steps) if any(c.kind == "stop" for c in step.claims)]
     if len(stops) < 2 or stops[0] or any(c.kind != "stop" for c in steps[0].claims):
+        return tuple(steps)
+    if VERB_OF.get(tokenize(steps[0].words)[0].text) == "stop":  # "Stop at the table. Then …"
         return tuple(steps)
     goal, last = steps[0].claims, steps[stops[-1]]
     last = replace(last, claims=(*last.claims, *goal))

@@ -24,8 +24,8 @@ _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
 # What is told of one thing alone, and not of its side.
 _STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
 _BY_ONE = _STOPS_BY_ONE | {
-    *("facing", "behind", "turn", "turn_before", "turn_to", "turn_after", "turn_enter", "cue"),
-    *("enter_see", "enter_turn_to", "pass", "goal_thing"),
+    *("facing", "behind", "turn_at", "turn_before", "turn_to", "turn_after", "turn_enter_at"),
+    *("cue", "enter_see", "enter_turn_to", "pass", "goal_thing"),
 }
 _PASSES = ("pass", "over", "between")
 
@@ -62,8 +62,9 @@ def goal_events(facts: PathFacts, stop: Event, names: Names, taste: Taste) -> li
     """Return an event that says first where the way ends, or none."""
     room, started = facts.goal_room, facts.visits[0].room
     new = room not in ("", "hallway", started) and not facts.goal_rooms
-    alone = new and facts.level_rooms.count(room) == 1 and not facts.visits[-1].twins
+    alone = new and not (facts.climbs or facts.visits[-1].twins)
     thing = stop.X is not None and stop.kind in _STOPS_BY_ONE
+    alone = alone and (stop.X is None or stop.X.mark.room in ("", room))
     if not (alone or thing) or names.rng.random() >= taste.goal:
         return []
     kind = "goal_both" if alone and thing else "goal_thing" if thing else "goal_room"
@@ -163,8 +164,8 @@ def with_distances(
         room = facts.room_at(before + 0.3)
         stays = facts.room_at(max(before, turn_m - 0.5)) == room == "hallway"
         new = not (result and result[-1].kind.startswith((*_PASSES, "follow")))
-        hall = f"{'long ' * (turn_m - before > _LONG_HALL_M)}{names.name(room)}"
         if speaks and stays and new and turn_m - before > (3.0 if bare else _LONG_M):
+            hall = f"{'long ' * (turn_m - before > _LONG_HALL_M)}{names.name(room)}"
             if event.kind in ("enter", "enter_door") and event.B:
                 into = replace(event, kind="along_into", B=hall, C=event.B)
                 result.append(into)
@@ -182,15 +183,15 @@ def with_distances(
     return result[:-1]
 
 
-def related(events: Sequence[Event], names: Names) -> list[Event]:
+def with_neighbours(events: Sequence[Event], names: Names) -> list[Event]:
     """Tell some things by what stands right beside them."""
     result = []
     for event in events:
-        thing = event.X if event.kind.removesuffix("_at") in _BY_ONE else None
+        thing = event.X if event.kind in _BY_ONE else None
         other = names.beside(thing) if thing and names.rng.random() < _BESIDE else None
         if thing and other:
             words = f"{thing.words} {pick(('next to', 'beside', 'by'), names.rng)} {other.words}"
-            event = replace(event, X=replace(thing, words=words, beside=other.phrase))
+            event = replace(event, X=replace(thing, words=words, beside=other))
         result.append(event)
     return result
 

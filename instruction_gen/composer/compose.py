@@ -13,9 +13,9 @@ from .along import (
     bent,
     goal_events,
     passed_events,
-    related,
     start_events,
     with_distances,
+    with_neighbours,
 )
 from .grammar import is_hall
 from .moves import ambiguous
@@ -33,7 +33,7 @@ _NEAR_M = 1.5
 _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
 _ENTERS, _STOPS_INTO = ("enter", "enter_door", "enter_ahead"), 0.6
 _OFF_LENGTH = 25.0  # what a text costs that is twice as long as it may be
-_PACED = ("stop_after", "stop_facing")  # how far one walks to the stop is told
+_BY_PACES = ("stop_after", "stop_facing")  # how far one walks to the stop is told
 _Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
 
 
@@ -89,7 +89,7 @@ def plan(
     names = Names(facts, rng, taste.looks, called)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
-    if stop[0].kind in _PACED:  # only what is passed shows where
+    if stop[0].kind in _BY_PACES:  # only what is passed shows where
         taste = replace(taste, passed=taste.passed + (taste.voice != "terse"), gap_m=_NEAR_M)
     events = move_events(facts, names, taste)
     events += passed_events(events, facts, names, taste)
@@ -97,7 +97,7 @@ def plan(
     events = with_distances(events, stop[0], facts, names, taste)
     if not events:
         events = [Event("walk", 0.0, far_m=facts.length_m)]
-    if stop[0].kind in _PACED:
+    if stop[0].kind in _BY_PACES:
         rest = facts.length_m - events[-1].done_m
         if events[-1].kind == "walk":
             rest = events[-1].far_m if len(events) > 1 else facts.length_m
@@ -106,12 +106,17 @@ def plan(
         few = {"stop_facing": "stop_steps_facing"}.get(stop[0].kind, "stop_steps")
         few = "stop_into" if entered and not is_hall(entered) else few
         kind = stop[0].kind if rest > FEW_STEPS_M else few
-        stop[0] = replace(stop[0], kind=kind, far_m=rest, B=entered)
-    kind = _INTO.get(stop[0].kind)
+        faced = stop[0].X if kind != "stop_into" else None
+        stop[0] = replace(stop[0], kind=kind, far_m=rest, B=entered, X=faced)
+    thing = stop[0].X
+    there = thing is None or thing.mark.room in ("", facts.goal_room)
+    kind = _INTO.get(stop[0].kind) if there else None
     if kind and len(events) > 1 and events[-1].kind in _ENTERS and rng.random() < _STOPS_INTO:
         stop[0] = replace(stop[0], kind=kind, B=events[-1].B)
         events = events[:-1]
-    events = related([*goal_events(facts, stop[0], names, taste), *start, *events, *stop], names)
+    events = with_neighbours(
+        [*goal_events(facts, stop[0], names, taste), *start, *events, *stop], names
+    )
     return bent(events, facts)
 
 
@@ -130,7 +135,8 @@ def _draft(
     events = plan(facts, taste, rng, called)
     steps = realize(events, style, rng, usage)
     text = " ".join(step.words for step in steps)
-    marks = tuple(r.mark.name for e in events for r in (e.X, e.Y) if r is not None)
+    told = [r for e in events for r in (e.X, e.Y, e.X and e.X.beside) if r is not None]
+    marks = tuple(r.mark.name for r in told)
     kinds = tuple(e.kind for e in events)
     low, high = WORDS[style]
     words = len(text.split())

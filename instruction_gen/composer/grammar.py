@@ -88,7 +88,11 @@ def _claims(form: Sequence[str], event: Event) -> list[Claim]:
     claim = _claim(form, event)
     own = [thing for word in form[1:] if isinstance(thing := getattr(event, word, None), Reference)]
     kind, place = ("stop", "at") if claim.kind == "stop" else ("see", "")
-    beside = [Claim(kind, "thing", thing.beside, place=place) for thing in own if thing.beside]
+    beside = [
+        Claim(kind, "thing", o.phrase, place=place, colour=o.colour, material=o.material)
+        for thing in own
+        if (o := thing.beside)
+    ]
     return [claim, *beside]
 
 
@@ -158,7 +162,8 @@ def drafts(
         straight = event.bent and _STRAIGHT & set(filled.split())
         again = (event.along_m < 0.3 or before is None) and _MORE & set(filled.split())
         said = before.words.split() if before else ()
-        twice = any(filled.startswith(begins) and other in said for begins, other in _TWICE)
+        twice = filled.count("next ") > 1  # a room without a name is "the next room"
+        twice |= any(filled.startswith(begins) and other in said for begins, other in _TWICE)
         clause = Clause(event, phrase, filled)
         (odd if into_hall or straight or again or twice else fine).append(clause)
     return fine or odd
@@ -176,7 +181,7 @@ def is_hall(room: str) -> bool:
 def _slot(slot: str, event: Event, new: bool) -> str:
     value = getattr(event, slot, None)
     if slot in _AGREES:
-        plural = event.X is not None and (event.X.plural or event.X.words.endswith("stairs"))
+        plural = event.X is not None and (event.X.plural or event.X.phrase.endswith("stairs"))
         return _AGREES[slot][plural]
     if slot == "n":
         return metres(event.far_m)

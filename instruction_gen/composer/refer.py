@@ -1,5 +1,7 @@
 """How to call a thing so that it is clear which one is meant."""
 
+from __future__ import annotations
+
 from bisect import bisect_left
 from dataclasses import dataclass
 
@@ -30,7 +32,7 @@ class Reference:
         plural: several are meant.
         salience: how well it steers.
         colour, material: that are mentioned, "" = none.
-        beside: what stands right beside it, in the singular, "" = not mentioned.
+        beside: what is said to stand right beside it, if anything.
     """
 
     mark: LandmarkFact
@@ -40,7 +42,7 @@ class Reference:
     salience: float
     colour: str = ""
     material: str = ""
-    beside: str = ""
+    beside: Reference | None = None
 
 
 # which things ---------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ from benchmarks.instructions.buildings import building
 from benchmarks.instructions.corpus import FOLDER, episode_of_record
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.checker.order import LIMIT, Alignment, check_order
+from vlnpe.instruction_gen.composer import compose_texts
 from vlnpe.instruction_gen.facts import path_facts
 from vlnpe.instruction_gen.facts.doors import DOOR, OPENING
 from vlnpe.instruction_gen.language.claims import Claim, Step
@@ -194,3 +195,27 @@ def test_what_a_claim_adds_to_the_cost_is_told(grounds):
             told = np.linalg.norm([cost for cost, _ in placed.told[0]])
             assert told >= 0.95 * added, (mark.noun, added, placed.told[0])
     assert dear > 5
+
+
+@pytest.mark.parametrize(("words", "goal", "holds"), [
+    ("Your destination is the {}.", True, True),
+    ("Your destination is the {}.", False, False),
+    ("Stop in the {}.", True, False),
+])  # fmt: skip
+def test_a_text_may_say_first_where_the_way_ends(grounds, words, goal, holds):
+    tried = 0
+    for ground in grounds:
+        facts = ground.facts
+        own = {v.room for v in facts.visits} | {*facts.start_rooms, *facts.goal_rooms}
+        other = [r for r in facts.level_rooms if not ground.rooms(r) & own]
+        texts, _ = compose_texts(ground, 1, ("terse",), np.random.default_rng(0))
+        room = facts.goal_room if goal else other[0] if other else ""
+        if not (room and texts) or len(facts.visits) < 2 or facts.visits[0].room == facts.goal_room:
+            continue
+        claim = Claim("stop", "room", room, place="inside")
+        steps = (Step(words.format(room), (claim,)), *texts[0].steps)
+        verdict = check_text(" ".join(step.words for step in steps), ground, steps)
+        assert verdict.ok is holds, (verdict.problems, steps)
+        assert verdict.steps[0].claims == (claim,)
+        tried += 1
+    assert tried > 3

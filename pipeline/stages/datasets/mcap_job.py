@@ -72,12 +72,11 @@ class McapJob:
 
 
 def maps_on_the_way(bundle: SceneBundle, rollout: Rollout) -> ShownTopic:
-    """Return the map of the start's level, and that of the next one from halfway up the stairs."""
+    """Return the map of the level on which the robot is; stairs change it halfway."""
     episode = rollout.episode
-    beyond = episode.levels_along(rollout.position_world_m) != episode.level
-    starts = [(0.0, episode.level)]
-    if beyond.any():
-        starts.append((float(rollout.time_s[np.argmax(beyond)]), episode.levels[-1]))
+    levels = episode.levels_along(rollout.position_world_m)
+    changes = np.flatnonzero(np.diff(levels)) + 1
+    starts = [(0.0, episode.level), *((float(rollout.time_s[k]), int(levels[k])) for k in changes)]
     height_m = episode.free_height_m
     return map_topic(*((at, bundle.freemap(level).for_height(height_m)) for at, level in starts))
 
