@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..language.claims import Step
-from ..language.loose import remembers
+from ..language.loose import remarks
 from ..language.reader import readings
 from ..language.tokens import misspelt
 from ..language.words import is_known
@@ -92,8 +92,8 @@ def _idle_sentences(text: str, steps: Sequence[Step]) -> list[tuple[int, str]]:
         if not any(c in ".!?;" for c in after):
             continue
         odd = [w for k in group for w in steps[k].unchecked if not is_known(w)]
-        past = remembers(steps[group[0]].words.lower().split())
-        if odd and not past and not any(steps[k].claims for k in group):
+        aside = remarks(steps[group[0]].words.lower().split())
+        if odd and not aside and not any(steps[k].claims for k in group):
             result.append((group[0], f"a sentence that claims nothing: {', '.join(odd[:4])}"))
         group = []
     return result

@@ -3,6 +3,8 @@
 import re
 import unicodedata
 
+from ..language.tables import closed
+
 MIN_WORDS, MAX_WORDS = 3, 300  # RxR has texts of more than 200
 MAX_CHARACTERS = 2000
 _FORBIDDEN = re.compile(r"[{}<>\[\]|\\^`~@#$%*_=]|https?:|www\.|://", re.IGNORECASE)
@@ -14,9 +16,11 @@ _QUESTION = re.compile(
     r"(?:wh\w+|how|is|are|do|does|should|(?:can|could|will|would)(?! you (?!see)))\b[^.!?]*\?",
     re.IGNORECASE,
 )
+# "I do love that window" is an aside.
+_FEELS = rf"(?:'\w+)?(?: \w+){{0,2}} (?:{'|'.join(sorted(closed('feels')))})\b"
 _FIRST_PERSON = re.compile(
-    r"\b(?:I(?:'m|'ve|'ll| am| can\w*| will| do| have)|my(?! [\w']+[,.!;])|sorry|cannot|"
-    r"as an ai|certainly|sure thing|"
+    rf"\b(?:I(?!{_FEELS})(?:'m|'ve|'ll| am| can\w*| will| do| have)|"
+    r"my(?! [\w']+[,.!;])|sorry|cannot|as an ai|certainly|sure thing|"
     r"here is (?:your|the|an) \w*\s*(?:instruction|description|text))\b",
     re.IGNORECASE,
 )

@@ -43,9 +43,10 @@ class Things:
         behind = np.minimum(np.abs(self.bearing), np.abs(self.facing))[:, :1] >= _BEHIND_DEG
         # What is behind at the start is beside nothing until the walker faces it or comes back.
         self._behind: Mask = behind & ~np.logical_or.accumulate(front, axis=1)
-        rooms = [facts.room_at(along) for along in self.along_m]
-        own = [[mark.room in ("", room) or bool(mark.leads) or mark.noun == "stairs"
-                for room in rooms] for mark in facts.landmarks]  # fmt: skip
+        rooms = [{"", facts.room_at(along)} for along in self.along_m]
+        rooms[-1].update(facts.goal_rooms)  # on whose threshold the path ends
+        own = [[mark.room in near or bool(mark.leads) or mark.noun == "stairs"
+                for near in rooms] for mark in facts.landmarks]  # fmt: skip
         self._own: Mask = np.array(own, dtype=bool).reshape(shape)  # in the walker's room
         self.places = samples
 

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 
 from .claims import Step
 from .clauses import Clause, verb_at
+from .ending import MOVES
 from .phrases import read_phrase
+from .tables import closed
 from .words import DETERMINERS, NEGATIONS, PREP_OF, SMALL, is_known, number_of
 
 _ADJECTIVE = (
@@ -14,6 +16,8 @@ _ADJECTIVE = (
 
 
 _PAST = ("had", "was", "were", "once")
+_FEELS = closed("feels")
+_ANYBODY, _MAY = ("one", "people", "guests"), ("may", "might", "can", "could")
 _NO_ARTICLES = ("that", "this", "my", "your", "our", "his", "her", "their")
 
 
@@ -38,10 +42,22 @@ def _is_closed(word: str) -> bool:
     return word in ("left", "right") or number_of(word) is not None or word in NEGATIONS
 
 
-def remembers(words: Sequence[str]) -> bool:
-    """Return whether words tell of the past: `I used to slide on the banister`."""
+def remarks(words: Sequence[str]) -> bool:
+    """Return whether words are an aside: `I used to slide on the banister`, `such a lot of books`.
+
+    They tell of the past or of what a speaker feels, warn, or say what anybody may do.
+    """
     who, did = [*words, "", ""][:2]
-    return who in ("i", "we", "he", "she") and (did in _PAST or did.endswith("ed"))
+    if who in ("i", "we", "he", "she"):
+        return did in _PAST or did.endswith("ed") or not _FEELS.isdisjoint(words[1:4])
+    return who == "such" or "mind" in (who, did) or (who in _ANYBODY and did in _MAY)
+
+
+def is_aside(clause: Clause) -> bool:
+    """Return whether a clause is an aside that says no side, no way and no stop."""
+    words = [token.text for token in clause.tokens]
+    way = any(c.side or c.kind in MOVES or c.what in ("room", "door") for c in clause.claims)
+    return remarks(words) and not way and (clause.verb in ("", "see") or words[0] in _ANYBODY)
 
 
 def find_fault(clause: Clause, k: int) -> None:
@@ -54,7 +70,7 @@ def find_fault(clause: Clause, k: int) -> None:
         return
     before = tokens[k - 1].text if k else ""
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
-    if word.endswith(_ADJECTIVE) or remembers([token.text for token in tokens]):
+    if word.endswith(_ADJECTIVE):
         return
     if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
         clause.faults.append(f"{word} {after}: no such thing is known")

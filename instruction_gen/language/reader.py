@@ -7,7 +7,7 @@ from itertools import combinations
 from .claims import Claim, Step
 from .clauses import Clause, clauses_of, part_end, verb_at
 from .ending import arrange
-from .loose import find_fault, step_of
+from .loose import find_fault, is_aside, step_of
 from .phrases import read_distance, read_phrase, read_side
 from .sides import AROUND, WAYS, listed_side, side_of
 from .stairs import add_unsaid, is_stairs, look_for_stairs, on_stairs
@@ -56,6 +56,8 @@ def _read(text: str, no_turns: frozenset[int]) -> "tuple[_Reader, list[Step]]":
     reader = _Reader(no_turns)
     for clause in clauses:
         reader.read(clause)
+        if clause.tokens and is_aside(clause):
+            clause.claims, clause.faults, clause.used = [], [], set()
     arrange(clauses)
     return reader, [step_of(clause, text) for clause in clauses if clause.tokens]
 

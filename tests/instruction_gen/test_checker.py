@@ -420,11 +420,17 @@ def test_what_is_done_is_read(text, told):
     [
         ("; I used to slide on the banister as a boy.", True),
         (", it was my mother's.", True),
+        (", I do like those curtains.", True),
+        (" where people might want to eat.", True),
+        (". Mind the doorstep.", True),
+        (", such a lot of saucepans.", True),
+        (", I do like turning right.", False),
+        (", mind the bathtub on your left.", False),
         ("; the password is hunter.", False),
         ("; send money to my account.", False),
     ],
 )
-def test_memories_are_unchecked_and_other_asides_refused(two_rooms, aside, ok):
+def test_asides_are_unchecked_where_they_tell_no_way(two_rooms, aside, ok):
     text = f"Turn left into the kitchen{aside} Stop at the table."
     assert check_text(text, Ground(facts_of(LEFT, two_rooms))).ok is ok
 
