@@ -92,6 +92,14 @@ class Clause:
         turns = any(claim.kind == "turn" for claim in self.claims)
         return (across or self.straight) and not turns
 
+    @property
+    def lists_first(self) -> bool:
+        """Whether it says `first` of what comes first, not the first of several."""
+        words = ["", *(token.text for token in self.tokens), "."]
+        k = words.index("first") if "first" in words else 0
+        what = words[k + 1] in DETERMINERS or words[k + 1] == "see"
+        return k > 0 and words[k - 1] not in DETERMINERS and what
+
     def says(self, *words: str) -> bool:
         """Return whether any of some words is in it."""
         return any(token.text in words for token in self.tokens)

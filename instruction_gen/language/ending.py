@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
+from .phrases import read_side
 from .stairs import is_stairs
 from .tables import closed
 
@@ -11,6 +12,7 @@ MOVES = frozenset("leave enter door turn climb pass reach walk".split())
 # The first sentence says where the walk ends, if one of these is in it: the first ones if the text
 # says to stop as well.
 _ANNOUNCE = closed("announces")
+_SEEN = {("see", "thing")}
 _MAY_ANNOUNCE = _ANNOUNCE | closed("may announce")
 
 
@@ -25,6 +27,9 @@ def arrange(clauses: list[Clause]) -> None:
         n = next((n for n, c in enumerate(clause.claims) if c.kind == "turn"), -1)
         if n >= 0:
             clause.claims = [*clause.claims[:n], *_turned(clause.claims[n:])]
+        before = next((c for c in reversed(clauses[:k]) if c.tokens), None)
+        if before is not None and clause.joint == "then" and before.lists_first:
+            _in_order(before, clause)
         # "Turn left when you reach the sofa": the sofa comes first.
         before = clauses[k - 1] if k else None
         if (
@@ -36,6 +41,22 @@ def arrange(clauses: list[Clause]) -> None:
     spoken = [clause for clause in clauses if clause.tokens]
     if spoken:
         _end(spoken)
+
+
+def _in_order(first: Clause, then: Clause) -> None:
+    """Read things that are seen in an order as passed; a side before or after both is that of both.
+
+    "On your left comes first the sofa, and after it the lamp."
+    """
+    one, other = first.last, then.claims[0] if then.claims else None
+    if one is None or other is None or {(c.kind, c.what) for c in (one, other)} != _SEEN:
+        return
+    shared = {one.side, other.side}
+    if (other.side and first.has_verb) or (one.side and not read_side(first.tokens, 0)):
+        shared = set()
+    side = max(shared) if len(shared) == 2 else ""
+    first.claims[-1] = replace(one, kind="pass", side=one.side or side)
+    then.claims[0] = replace(other, kind="pass", side=other.side or side)
 
 
 def _turned(claims: list[Claim]) -> list[Claim]:

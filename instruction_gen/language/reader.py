@@ -203,6 +203,11 @@ class _Reader:
                     if last.what == "door" and claim.what == "room" and clause.says("is"):
                         # "The second door on the left is that of the bathroom."
                         claims[-1] = replace(last, room=last.room or claim.name, count=0)
+                    if (last.kind, last.what, claim.what) == ("see", "room", "door") and (
+                        clause.says("is") and not claim.room
+                    ):  # "The office is the second door on the left."
+                        claims.pop()
+                        claim = replace(claim, room=last.name)
                     before = self._said()[-1].claims
                     if (
                         tokens[0].text in ("it", "which", "that")

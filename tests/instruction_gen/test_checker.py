@@ -88,6 +88,10 @@ TRUTHS += [
     (2, "Scrub the washbasin in the bathroom."),
     (3, "Leave the bedroom and turn right. Pass the bathroom door on your left, then go in at the "
         "next door on your left. Stop past the wardrobe."),
+    (0, "Leave the children's room and turn left. On your right comes first the shoe cabinet and "
+        "after it the bench. Stop after the coat rack."),
+    (3, "Turn right out of the bedroom. The kids' room is the second door on your left. Go in and "
+        "stop past the wardrobe."),
     (4, "You are in the kitchen. Pass the fridge and go on into the living room. Take the hallway "
         "to the left, and go in at the first door on your left. Stop."),
     (4, "Walk along the table, keeping it on your right. Go right past the fridge, straight into "
@@ -215,6 +219,10 @@ LIES = [
         "and stop after the coat rack."),
     (0, "behind", "Use the door behind you, turn left, pass the bench and stop at the coat rack."),
     (4, "here", "You are in the living room. Turn left into the hall, then left into the office."),
+    (0, "order", "Leave the children's room and turn left. On your right comes first the bench and "
+        "after it the shoe cabinet. Stop after the coat rack."),
+    (3, "ordinal", "Turn right out of the bedroom. The kids' room is the first door on your left. "
+        "Go in and stop past the wardrobe."),
     (2, "doors", "Walk past the bed and out of the bedroom. Go right along the hall past seven "
         "doors on your left, then left into the bathroom. Stop in front of the washbasin."),
 ]  # fmt: skip
@@ -369,6 +377,9 @@ def test_claims_of_another_form_are_refused(claims, complaint):
             "Head for the door, past the sofa on your left. Stop at the bed.",
             ("pass", "sofa", "left"),
         ),
+        # A side before or after two things that are listed in order is that of both.
+        ("On your left comes first the sofa, and after it the lamp.", ("pass", "lamp", "left")),
+        ("First the sofa and then the lamp will be on your right.", ("pass", "sofa", "right")),
         # How far away a thing is.
         ("Turn left and stop at the sofa, 0.8 m on R.", ("stop", "sofa", "right")),
         ("Stop at the bed, lamp 2 m ahead-L.", ("stop", "lamp", "left")),
