@@ -196,7 +196,7 @@ def open_joined(
             f"is {width_m:.2f} m wide, and the robot needs {2 * config.robot_radius_m:.2f} m"
         )
     if not stairs.lets_pass:
-        raise SceneError(f"has no {config.climb_height_m:g} m of free height along its middle")
+        raise SceneError(f"is not free along its middle, {config.climb_height_m:g} m high")
     cells, rooms = [], []
     for side, level in enumerate(storeys.joins[staircase]):
         freemap = storeys.levels[level].freemap

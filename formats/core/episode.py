@@ -33,8 +33,8 @@ class Episode:
         geodesic_distance_m: length of the shortest collision-free path.
         instruction: the instruction text; empty before the instruct stage.
         goal_radius_m: VLN-CE's success radius.
-        extra: further keys of the source file, kept as they are; over storeys also `staircases`
-            and `levels`, see the properties of these names.
+        extra: further keys of the source file, kept as they are; over storeys also
+            `staircases`, `levels` and `climb_height_m`, see the properties of these names.
 
     Raises:
         ValueError: the staircases and levels are no indices, or not one level more than staircases.

@@ -180,7 +180,8 @@ def _widened(sampling: SampleConfig, robots: Sequence[RobotSpec], ledger: Ledger
     """Return what suits the widest robot, and the tallest climber, of this and of earlier runs.
 
     Episodes that fit a wide robot also fit the others, so the episodes of a run folder change only
-    when a wider robot is added, and all robots of one folder walk the same episodes.
+    when a wider robot, or over stairs a taller one, is added, and all robots of one folder walk the
+    same episodes.
     """
     # Rows written by another version may lack this fact, and quarantined rows always do.
     before = [row.facts.get("robot_radius_m", 0.0) for row in ledger.rows("sample")]

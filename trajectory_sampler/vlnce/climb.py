@@ -82,7 +82,7 @@ def climb_of(
         else:
             storeys = Storeys.of(bundle, [k], free_height_m, climb_height_m)
             if not storeys.staircases[k].lets_pass:
-                reasons.append(f"has no {climb_height_m:g} m of free height along its middle")
+                reasons.append(f"is not free along its middle, {climb_height_m:g} m high")
             elif _reached(storeys, path_m, radius_m):
                 return Climb(storeys, (first, last), k, before, behind)
             else:
