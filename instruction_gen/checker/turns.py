@@ -123,9 +123,9 @@ def _led_around(ground: Ground, said: Said, turn: TurnFact) -> Mask:
     if claim.what == "room" and (claim.kind in ("in", "stop") or aside):
         rooms = _doors(ground, turn, -1.0)
         return led | bool(ground.rooms(claim.name) & rooms)
+    if claim.what == "thing" and claim.kind != "turn" and claim.degree == "slight":
+        return ~led  # the way around a thing, or along it, bends
     if claim.what == "thing" and claim.kind in ("pass", "stop", "reach"):
-        if claim.kind == "pass" and claim.degree == "slight":
-            return ~led  # the way around a thing bends
         rows = ground.meant(claim)
         k = int(np.argmin(np.abs(onward + 0.4)))
         view = ground.seen[rows, k] & (ground.distance[rows, k] <= _SEE_M)

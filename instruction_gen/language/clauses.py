@@ -135,7 +135,12 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
 def _without_load(tokens: Sequence[Token]) -> list[Token]:
     """Return the tokens with `it` for what is carried or put down, which is nowhere on the way."""
     result = list(tokens)
-    for k in range(len(tokens) - 1, -1, -1):
+    head = [t.text for t in tokens[: next((k for k, t in enumerate(tokens) if t.text == ":"), 0)]]
+    titled = head.index("for") if "for" in head[1 : _MOST_CARRIED + 1] else 0
+    if titled and not any(verb_at(tokens, k) or head[k] in _ENDS for k in range(titled)):
+        # "Two flower pots for the bedroom: …"
+        result[:titled] = [replace(tokens[0], text="it", stop=tokens[titled - 1].stop)]
+    for k in range(len(result) - 1, -1, -1):
         word, end = result[k].text, _load_end(result, k)
         load = [replace(result[k + 1], text="it", stop=result[end - 1].stop)] if end > k + 1 else []
         loaded = [*result[: k + 1], *load, *result[max(end, k + 1) :]]

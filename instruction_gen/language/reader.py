@@ -1,16 +1,17 @@
 """Read the steps and claims of a text, where they are certain; other words stay unchecked."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import combinations, takewhile
 
 from .claims import Claim, Step
 from .clauses import Clause, clauses_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, is_aside, step_of
 from .phrases import read_distance, read_phrase, read_side
-from .sides import AROUND, WAYS, listed_side, side_of
+from .sides import AROUND, STAYS, WAYS, listed_side, side_of
 from .stairs import add_unsaid, is_stairs, look_for_stairs, on_stairs
+from .tables import closed
 from .targets import (
     claim_of,
     counted_again,
@@ -21,7 +22,7 @@ from .targets import (
     stop_at,
     stop_at_it,
 )
-from .tokens import tokenize
+from .tokens import Token, tokenize
 from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS
 
 _GOES_ON = frozenset("go turn enter".split())
@@ -29,6 +30,7 @@ _OFFSETS = frozenset("past before after from of".split())
 _MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
+_CIRCLES = closed("goes around")
 _CLOCK = {"clockwise": "right", "anticlockwise": "left"}
 
 
@@ -158,6 +160,8 @@ class _Reader:
         tokens, claims = clause.tokens, clause.claims
         look_for_stairs(clause)
         prep, side_next, k = clause.prep, "", 0
+        if tokens[0].text in _CIRCLES and read_phrase(tokens, 1):
+            prep = clause.prep = "around"
         while k < len(tokens):
             word = tokens[k].text
             if (distance := read_distance(tokens, k)) is not None:
@@ -230,10 +234,10 @@ class _Reader:
             elif (
                 word in PRONOUNS
                 and self.thing is not None
-                and ((placed := read_side(tokens, k + 1)) and placed[1])
+                and ((placed := read_side(tokens, k + 1 + _stays(tokens, k + 1))) and placed[1])
             ):
                 kind, place = ("stop", "at") if stop else ("see", "")
-                claims.append(replace(self.thing, kind=kind, side="", place=place))
+                claims.append(replace(self.thing, kind=kind, side="", place=place, degree=""))
                 k += 1
             else:
                 if word == "room" and prep in ("into", "from") and not stop and not clause.negated:
@@ -258,3 +262,8 @@ class _Reader:
         elif stop and len(stops) == 2 and any(claims[n].place == "between" for n in stops):
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
+
+
+def _stays(tokens: Sequence[Token], k: int) -> int:
+    """Return how many words at token `k` say that something is or stays: `will be`."""
+    return sum(1 for _ in takewhile(lambda token: token.text in STAYS, tokens[k:]))

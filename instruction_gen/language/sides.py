@@ -11,7 +11,7 @@ from .targets import sided
 from .words import BENDS, ORDINALS, PREP_OF, RIGHT_ADVERB, SLIGHT
 
 # "The table, which stays on your right": no way of the walker.
-_STAYS = closed("stays")
+STAYS = closed("stays")
 _RELATIVE = closed("relative")
 _MOVES = ("turn", "enter", "leave")
 WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
@@ -39,7 +39,7 @@ def listed_side(
         (verb in _MOVES) if (verb := verb_at(tokens, n)) else read_phrase(tokens, n)
         for n in range(len(tokens))
     )  # fmt: skip
-    if (set(rest) - _LISTING - _STAYS and not relative) or (moved and not placed):
+    if (set(rest) - _LISTING - STAYS and not relative) or (moved and not placed):
         return False
     both = "both" in rest or "all" in rest
     if not placed and not both and clause.joint != "(" and not (
@@ -51,7 +51,7 @@ def listed_side(
     targets = [(c, n) for c in said for n, x in enumerate(c.claims)
                if x.what and x.kind != "walk" and not x.side]  # fmt: skip
     if not targets or targets[-1][0] is not before:
-        return bool(_STAYS & set(rest)) or bool(placed and last and last.side)
+        return bool(STAYS & set(rest)) or bool(placed and last and last.side)
     for owner, n in targets[-2:] if both else targets[-1:]:
         sided(owner.claims, n, side)
         if owner.claims[n].kind == "in":

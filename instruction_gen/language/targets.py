@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from .claims import Claim
 from .clauses import Clause
+from .tables import closed
 from .words import ORDINALS, PREP_OF
 
 # Of each kind of target: prepositions, verbs with any preposition, verbs without one, and what is
@@ -35,6 +36,7 @@ _ROWS = {
 }
 _ROWS |= {"storey": ()}
 _ELSE = {"room": "see", "door": "reach", "thing": "see", "storey": "in"}
+_FOLLOWS = closed("follows")
 _PLACE = {
     "past": "past", "after": "past", "through": "past", "before": "before", "outside": "outside",
     "between": "between", "in": "inside", "into": "inside",
@@ -61,6 +63,8 @@ def claim_of(target: Claim, prep: str, clause: Clause) -> Claim | None:
     elif target.what == "door" and kind == "door" and target.room and not verb and not prep:
         kind = "see"  # "bathroom door right, kitchen door left"
     target = replace(target, kind=kind or _ELSE[target.what])
+    if target.what == "thing" and target.kind == "see" and clause.says(*_FOLLOWS) and not prep:
+        return replace(target, degree="slight")  # along the windows, however they lead
     way = target.kind in ("enter", "door", "leave", "in") and target.what in ("room", "door")
     if way and not target.side and clause.is_straight:
         target = replace(target, side="ahead")

@@ -92,6 +92,8 @@ TRUTHS += [
         "after it the bench. Stop after the coat rack."),
     (3, "Turn right out of the bedroom. The kids' room is the second door on your left. Go in and "
         "stop past the wardrobe."),
+    (4, "Skirt the dining table, go past the fridge into the living room, left into the hall, and "
+        "in at the first door on the left. Stop there."),
     (4, "You are in the kitchen. Pass the fridge and go on into the living room. Take the hallway "
         "to the left, and go in at the first door on your left. Stop."),
     (4, "Walk along the table, keeping it on your right. Go right past the fridge, straight into "
@@ -380,6 +382,11 @@ def test_claims_of_another_form_are_refused(claims, complaint):
         # A side before or after two things that are listed in order is that of both.
         ("On your left comes first the sofa, and after it the lamp.", ("pass", "lamp", "left")),
         ("First the sofa and then the lamp will be on your right.", ("pass", "sofa", "right")),
+        (
+            "Go round the bed, it stays on your left with the desk on your right.",
+            ("see", "bed", "left"),
+        ),
+        ("Skirt the table to the kitchen door and stop.", ("pass", "table", "")),
         # How far away a thing is.
         ("Turn left and stop at the sofa, 0.8 m on R.", ("stop", "sofa", "right")),
         ("Stop at the bed, lamp 2 m ahead-L.", ("stop", "lamp", "left")),
@@ -417,6 +424,8 @@ def test_what_words_refer_to_is_read(text, claim):
         # A side written short is that of the thing before it, or a turn.
         ("Shower R, tub L, exit to hallway, L along rug, stop.", "see see enter turn pass stop"),
         ("Past sofa on right, next door right, stop.", "pass door stop"),
+        # How many things are carried says nothing of the place.
+        ("Three vases for the kitchen: turn left and go in.", "turn enter stop"),
         # A distance from the walker or the door is no way still to go.
         ("Turn left; the fridge is two metres ahead. Stop there.", "turn see stop"),
         ("Go right and stop three metres in, by the window.", "turn stop"),

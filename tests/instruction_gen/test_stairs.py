@@ -275,7 +275,7 @@ def _swapped(words):
             "You see the study door across the hall. Don't go in there.",
             ["see", "see hall", "avoid study"],
         ),
-        ("Circle the table clockwise.", ["see table"]),
+        ("Circle the table clockwise.", ["pass table"]),
         ("Down you go.", []),
         (
             "Take the stairs. Down you go. At the foot, turn anti-clockwise.",
