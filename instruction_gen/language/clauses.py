@@ -168,6 +168,7 @@ def _load_end(tokens: Sequence[Token], k: int) -> int:
     known = any(noun_kind(word) in ("room", "door", "storey") for word in (*words, tokens[k].text))
     if tokens[k].text == "take":  # no way that is taken: "take the second left to the sofa"
         known = known or not words or is_known(words[-1]) or words[-1] in _NO_LOAD
+        known = known or not {"left", "right"}.isdisjoint(words)
     load = 0 < len(words) <= _MOST_CARRIED and not known and words[-1] not in ("stairs", "steps")
     return end if load and tokens[k + 1].text in DETERMINERS | {"my"} else k
 

@@ -49,7 +49,8 @@ def remarks(words: Sequence[str]) -> bool:
     """
     who, did = [*words, "", ""][:2]
     if who in ("i", "we", "he", "she"):
-        return did in _PAST or did.endswith("ed") or not _FEELS.isdisjoint(words[1:4])
+        past = did in _PAST or (did.endswith("ed") and not did.endswith("eed"))  # no need
+        return past or not _FEELS.isdisjoint(words[1:4])
     return who == "such" or "mind" in (who, did) or (who in _ANYBODY and did in _MAY)
 
 

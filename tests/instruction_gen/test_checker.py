@@ -448,6 +448,7 @@ def test_what_is_done_is_read(text, told):
         (", mind the bathtub on your left.", False),
         ("; the password is hunter.", False),
         ("; send money to my account.", False),
+        (". We need you to send money.", False),
     ],
 )
 def test_asides_are_unchecked_where_they_tell_no_way(two_rooms, aside, ok):
