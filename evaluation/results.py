@@ -284,7 +284,10 @@ def _warnings(
 
     Results of earlier versions lack the digests, about which nothing is said then.
     """
-    texts = {"gait_sha256": "the robots walked with two gaits"}
+    texts = {
+        "gait_sha256": "the robots walked with two gaits",
+        "code_sha256": "the episodes were walked by two versions of vlnpe",
+    }
     if same_episodes:
         texts["instructions_sha256"] = "the episodes have the same names but other instructions"
     a, b = (results.get("setting", {}) for results in (first, second))

@@ -193,6 +193,7 @@ def evaluate_policy(options: Evaluate) -> Evaluation:
             "closed_loop": options.closed_loop,
             "splits": sorted({e.split for e in episodes}),
             "gait_sha256": replay.gait_digest(walker),
+            "code_sha256": evaluate.code_digest(),
             "episodes_sha256": digest([(e.split, e.scene_id, e.episode_id) for e in episodes]),
             "instructions_sha256": digest([e.instruction for e in episodes]),
         }

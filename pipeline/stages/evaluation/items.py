@@ -7,6 +7,7 @@ from pathlib import Path
 from ....evaluation.policies.registry import PolicyChoice
 from ....formats.core.episode import Episode
 from ....formats.core.rollout import DAGGER
+from ....formats.process.source import source_digest
 from ....rendering.camera.views import View
 from ....rendering.registry import scene_renderer_name
 from ...engine.ledger import Row
@@ -63,6 +64,11 @@ def items(
             inputs = (*inputs, expert_share)
         result.append(work_item("evaluate", name, job, (out,), *inputs))
     return result
+
+
+def code_digest() -> str:
+    """Return a digest of the code that walks: another version of it may draw or step otherwise."""
+    return source_digest(EvaluateJob.__module__)
 
 
 def renderers(episodes: Sequence[Episode], scenes_folder: Path, renderer: str) -> dict[str, str]:

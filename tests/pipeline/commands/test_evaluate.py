@@ -128,13 +128,14 @@ def test_the_oracle_arrives_an_idle_policy_does_not_and_compare_says_so(
     assert "no interval of fewer than 6 paths" in printed and "nan" not in printed
     assert "warning" not in printed
     # The same names on both sides, but another gait and other instructions.
-    for key in ("gait_sha256", "instructions_sha256"):
+    for key in ("gait_sha256", "code_sha256", "instructions_sha256"):
         assert len(oracle["setting"][key]) == 64
         oracle["setting"][key] = "0" * 64
     (tmp_path / "results.json").write_text(json.dumps(oracle))
     assert main(["compare", str(a), str(tmp_path)]) == 0
     warned = capsys.readouterr().out
     assert "warning: the robots walked with two gaits" in warned
+    assert "warning: the episodes were walked by two versions of vlnpe" in warned
     assert "warning: the episodes have the same names but other instructions" in warned
     # What it advises works, where no environment is active.
     (advice,) = (line for line in advised.splitlines() if " render " in line and str(b) in line)
