@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from .claims import Step
 from .clauses import Clause, verb_at
 from .ending import MOVES
+from .lexicon import noun_kind
 from .phrases import read_phrase
 from .tables import closed
 from .words import DETERMINERS, NEGATIONS, PREP_OF, SMALL, is_known, number_of
@@ -55,9 +56,12 @@ def remarks(words: Sequence[str]) -> bool:
 
 
 def is_aside(clause: Clause) -> bool:
-    """Return whether a clause is an aside that says no side, no way and no stop."""
+    """Return whether a clause is an aside that says no side, way, stop or thing.
+
+    "Mind the sofa and keep it on your left" tells where the sofa is.
+    """
     words = [token.text for token in clause.tokens]
-    way = any(c.side or c.kind in MOVES or c.what in ("room", "door") for c in clause.claims)
+    way = any(c.side or c.kind in MOVES for c in clause.claims) or any(map(noun_kind, words))
     return remarks(words) and not way and (clause.verb in ("", "see") or words[0] in _ANYBODY)
 
 

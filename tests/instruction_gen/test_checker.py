@@ -440,7 +440,11 @@ def test_what_is_done_is_read(text, told):
     [
         ("; I used to slide on the banister as a boy.", True),
         (", it was my mother's.", True),
-        (", I do like those curtains.", True),
+        (", I do like being here.", True),
+        # What is not there is no aside.
+        (", I do like those curtains.", False),
+        (", such a nice bathtub.", False),
+        (". Mind the bathtub.", False),
         (" where people might want to eat.", True),
         (". Mind the doorstep.", True),
         (", such a lot of saucepans.", True),
