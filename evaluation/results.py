@@ -286,7 +286,7 @@ def _warnings(
     """
     texts = {
         "gait_sha256": "the robots walked with two gaits",
-        "code_sha256": "the episodes were walked by two versions of vlnpe",
+        "code_sha256": "the episodes were walked by two versions of vlnpe or its libraries",
     }
     if same_episodes:
         texts["instructions_sha256"] = "the episodes have the same names but other instructions"

@@ -38,8 +38,8 @@ def judge_level(level: dict[str, Any], probes: dict[str, Any]) -> Verdict:
     if (share := probes.get("open_sky_share", 0.0)) > OPEN_SHARE:
         verdict.doubts.append(
             f"{100 * share:.0f} % of the walkable floor has no ceiling: depth that meets nothing "
-            "reads 0 m, which misleads policies trained under ceilings; --ceiling HEIGHT lays one "
-            "at the height at which its walls end"
+            "reads 0 m, which misleads policies trained under ceilings; --ceiling HEIGHT lays one, "
+            "best where the walls end"
         )
     for kind in ("rays", "balls"):
         for name, result in level[kind].items():
