@@ -176,7 +176,9 @@ def test_the_filter_judges_the_points_and_the_height_of_the_alignment(
         assert ("up" in reasons) == bool(reason)
 
 
-@pytest.mark.parametrize(("robot", "reason"), [("aliengo", ""), ("vlnce", "is not free along its middle, 1.56 m")])
+@pytest.mark.parametrize(
+    ("robot", "reason"), [("aliengo", ""), ("vlnce", "not free along its middle, 1.56 m")]
+)
 def test_only_who_fits_under_a_lamp_is_sent_over_the_treads_beneath(
     tmp_path: Path, robot: str, reason: str
 ) -> None:
