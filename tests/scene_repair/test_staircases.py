@@ -95,7 +95,7 @@ def test_a_rounded_edge_between_floor_and_stairs_is_no_step() -> None:
     floors = [ScannedFloor(grid, np.where(z == tops[k], z, np.nan), tops[k]) for k in (0, -1)]
     cells = np.arange(z.size)
     same = np.zeros(z.size, dtype=np.int64)
-    surfaces = Surfaces(cells, z.ravel(), same.astype(np.int32), same + np.inf, same, 1)
+    surfaces = Surfaces(cells, z.ravel(), same.astype(np.int32), np.full(z.size, np.inf), same, 1)
     (treads,) = ways_up(surfaces, *floors)
     assert [t.z_m for t in treads] == pytest.approx([0.0, 0.17, 0.34, 0.51, 0.68])
 
