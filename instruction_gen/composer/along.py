@@ -21,7 +21,7 @@ _LONG_M = 4.0  # the longest way that a text leaves undescribed
 _LONG_HALL_M = 6.0
 _LONG_THING_M, _CLOSE_M = 1.5, 1.2  # one walks along such a thing
 _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
-# What is told of one thing alone, and not of its side.
+# Events that name one thing, but not its side.
 _STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
 _BY_ONE = _STOPS_BY_ONE | {
     *("facing", "behind", "turn_at", "turn_before", "turn_to", "turn_after", "turn_enter_at"),

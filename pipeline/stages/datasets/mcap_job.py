@@ -76,15 +76,20 @@ def maps_on_the_way(bundle: SceneBundle, rollout: Rollout) -> ShownTopic:
     episode = rollout.episode
     levels = episode.levels_along(rollout.position_world_m)
     changes = np.flatnonzero(np.diff(levels)) + 1
-    starts = [(0.0, episode.level), *((float(rollout.time_s[k]), int(levels[k])) for k in changes)]
-    height_m = episode.free_height_m
-    return map_topic(*((at, bundle.freemap(level).for_height(height_m)) for at, level in starts))
+    later = ((float(rollout.time_s[k]), int(levels[k])) for k in changes)
+    return _maps(bundle.root, ((0.0, episode.level), *later), episode.free_height_m)
 
 
 # The same for all episodes of a scene and robot; they take a tenth of writing one.
 @lru_cache(maxsize=1)
 def _bundle(scene: Path) -> SceneBundle:
     return load_bundle(scene)
+
+
+@lru_cache(maxsize=4)
+def _maps(scene: Path, starts: tuple[tuple[float, int], ...], free_height_m: float) -> ShownTopic:
+    maps = ((at_s, _bundle(scene).freemap(level)) for at_s, level in starts)
+    return map_topic(*((at_s, freemap.for_height(free_height_m)) for at_s, freemap in maps))
 
 
 @lru_cache(maxsize=4)
