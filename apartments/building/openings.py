@@ -6,7 +6,7 @@ from itertools import permutations
 import numpy as np
 
 from ..config import ApartmentConfig
-from .partition import Cell
+from .partition.apartment import Cell
 from .plan import SIDES, Block, Opening, Room
 
 _DOOR_MARGIN_M = 0.22

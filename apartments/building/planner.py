@@ -7,9 +7,9 @@ import numpy as np
 from ...formats.core.errors import check_name
 from ..config import ApartmentConfig
 from .flights import draw_steps, least_stairwell_m
-from .large_partition import STAIRWELL_DEPTH_M, VILLAS, house, office
 from .openings import Openings, contact
-from .partition import FAMILIES, Cell, oriented
+from .partition.apartment import FAMILIES, Cell, oriented
+from .partition.large import STAIRWELL_DEPTH_M, VILLAS, house, office
 from .plan import Block, FloorPlan, Room
 from .stairs import stairs_block, upper_void
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .partition import Cell, cuts, row, shuffled
+from .apartment import Cell, cuts, row, shuffled
 
 _LEAST_ROOM_M = 3.0
 

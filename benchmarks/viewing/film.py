@@ -1,4 +1,4 @@
-"""The film of the viewer: python -m benchmarks.view_film RUN EPISODE OUT.webp [PICTURE.jpg].
+"""The film of the viewer: python -m benchmarks.viewing.film RUN EPISODE OUT.webp [PICTURE.jpg].
 
 A headless browser draws every frame in full before it is taken.
 """

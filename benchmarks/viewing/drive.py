@@ -1,6 +1,6 @@
 """`vlnpe drive` in real time on one core: pictures per second, response, memory.
 
-    python -m benchmarks.drive RUN ROBOT [SECONDS]
+    python -m benchmarks.viewing.drive RUN ROBOT [SECONDS]
 
 The drive runs on one core, this client on another one. A real page adds what its browser takes.
 """

@@ -1,6 +1,6 @@
 """`vlnpe view` in headless Chromium: time to open, frames per second, and who spends the CPU.
 
-    python -m benchmarks.view RUN [SECONDS]
+    python -m benchmarks.viewing.smoothness RUN [SECONDS]
 
 Chromium draws on the CPU here, as it does where there is no graphics card.
 """

@@ -1,0 +1,1 @@
+"""Partitions: how the rectangle of a storey falls into rooms."""

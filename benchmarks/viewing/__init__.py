@@ -1,0 +1,1 @@
+"""The viewer and the driving page in headless Chromium."""
