@@ -14,7 +14,7 @@ from .stored_depth import depth_video
 
 
 def ros2_from_unit(folder: Path, out: Path, urdf: str | None = None) -> None:
-    """Write a unit's bag: with its whole rollout and its map if the unit keeps them.
+    """Write a unit's bag: with its whole rollout and its maps if the unit keeps them.
 
     Args:
         urdf: The robot's model, if it is known.
@@ -24,8 +24,9 @@ def ros2_from_unit(folder: Path, out: Path, urdf: str | None = None) -> None:
     """
     if (folder / ROLLOUT_NAME).is_file():
         with kept_episode(folder) as (rollout, view, shown):
-            maps = [WalkMap.of(topic) for topic in shown if topic.topic == MAP_TOPIC]
-            write_bag(out, rollout, view, shown_map=maps[0] if maps else None, urdf=urdf)
+            topics = [topic for topic in shown if topic.topic == MAP_TOPIC]
+            maps = WalkMap.all_of(topics[0]) if topics else ()
+            write_bag(out, rollout, view, maps=maps, urdf=urdf)
         return
     unit = read_episode_unit(folder)
     with depth_video(unit) as depth:

@@ -5,7 +5,7 @@ and `odom` the start frame that a dataset's states are in. Odometry and transfor
 """
 
 import heapq
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from ..rendered.table import StartFrame
 from ..video.depth_codes import codes_to_millimetres
 from ..video.mp4 import iterate_depth_codes, iterate_rgb_video
 from .bag import Bag, Topic, Write, open_bag
-from .maps import WalkMap
+from .maps import WalkMap, write_maps
 from .messages import header, make, nanoseconds, pose, quaternion, transforms, twist, vector
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
@@ -41,12 +41,13 @@ def write_bag(
     rollout: Rollout,
     view: FrameFolder,
     *,
-    shown_map: WalkMap | None = None,
+    maps: Sequence[WalkMap] = (),
     urdf: str | None = None,
 ) -> None:
-    """Write a folder with a bag and its map, replaced as a whole; what is unknown has no topic.
+    """Write a folder with a bag and its maps, replaced as a whole; what is unknown has no topic.
 
     Args:
+        maps: In order.
         urdf: The robot's model, whose root link is `base_link`.
 
     Raises:
@@ -58,22 +59,20 @@ def write_bag(
         with open_bag(folder) as bag:
             moved = bag.topic("/tf", "tf2_msgs/TFMessage")
             streams = (
-                _latched(bag, rollout, shown_map, urdf),
+                _latched(bag, rollout, urdf),
+                _maps(bag, maps, rollout.time_s[0]),
                 _motion(bag, rollout, moved),
                 _images(bag, rollout, view, moved),
             )
             for _, write in heapq.merge(*streams, key=lambda item: item[0]):
                 write()
-        if shown_map is not None:
-            shown_map.write(folder)
+        write_maps(folder, maps)
         for entry in folder.iterdir():
             entry.rename(temporary / entry.name)
         folder.rmdir()
 
 
-def _latched(
-    bag: Bag, rollout: Rollout, shown_map: WalkMap | None, urdf: str | None
-) -> Iterator[Write]:
+def _latched(bag: Bag, rollout: Rollout, urdf: str | None) -> Iterator[Write]:
     """Yield what holds for the whole walk."""
     at, start, episode = nanoseconds(rollout.time_s[0]), StartFrame.of(rollout), rollout.episode
 
@@ -85,8 +84,6 @@ def _latched(
     yield once("/tf_static", "tf2_msgs/TFMessage", transforms(at, odom, optical))
     if urdf is not None:
         yield once("/robot_description", "std_msgs/String", make("std_msgs/String", urdf))
-    if shown_map is not None:
-        yield once("/map", "nav_msgs/OccupancyGrid", shown_map.message(at, MAP))
     if episode.instruction:
         text = make("std_msgs/String", episode.instruction)
         yield once("/instruction", "std_msgs/String", text)
@@ -103,6 +100,16 @@ def _latched(
         yaw = _headings(path)[-1] if len(path) else 0.0
         place = make("geometry_msgs/PoseStamped", header(at, MAP), pose(goal, yaw_to_quat(yaw)))
         yield once("/goal_pose", "geometry_msgs/PoseStamped", place)
+
+
+def _maps(bag: Bag, maps: Sequence[WalkMap], start_s: float) -> Iterator[Write]:
+    """Yield each map when it begins to hold, the first with the first sample."""
+    if not maps:
+        return
+    topic = bag.topic("/map", "nav_msgs/OccupancyGrid", latched=True)
+    for entry in maps:
+        at = nanoseconds(max(entry.from_s, start_s))
+        yield topic(at, entry.message(at, MAP))
 
 
 def _headings(path_m: NDArray[np.float64]) -> NDArray[np.float64]:

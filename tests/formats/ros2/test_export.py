@@ -2,6 +2,7 @@
 
 import shutil
 from collections import defaultdict
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -239,6 +240,26 @@ def test_the_task_and_the_map(written: tuple[Path, Rollout, Path]) -> None:
     cells = np.where(occupied > facts["occupied_thresh"], 100, -1)
     cells[occupied < facts["free_thresh"]] = 0
     assert facts["origin"] == [1.0, 2.0, 0.0] and cells.ravel().tolist() == list(grid.data)
+
+
+def test_another_storey_has_its_own_map_from_when_the_robot_is_on_it(tmp_path: Path) -> None:
+    lower = small_map()
+    upper = replace(lower, floor_z_m=lower.floor_z_m + 3.0, traversable=~lower.traversable)
+    rollout = make_rollout(3.0, 2)
+    write_frame_folder(tmp_path / "frames", rollout)
+    shown = (map_topic((0.0, lower), (1.5, upper), (2.5, lower)),)
+    write_episode_mcap(tmp_path / "ep.mcap", rollout, tmp_path / "frames", shown=shown)
+    unit_from_mcap(tmp_path / "ep.mcap", tmp_path / "unit")
+    ros2_from_unit(tmp_path / "unit", tmp_path / "walk")
+    maps = read_bag(tmp_path / "walk")["/map"]
+    begin = int(rollout.time_s[0] * 1e9) + 10**9
+    assert [at - begin for at, _ in maps] == [0, 1_500_000_000, 2_500_000_000]
+    heights = [grid.info.origin.position.z for _, grid in maps]
+    np.testing.assert_allclose(np.diff(heights), [3.0, -3.0], atol=1e-6)
+    assert list(maps[0][1].data) == list(maps[2][1].data) != list(maps[1][1].data)
+    names = sorted(path.name for path in (tmp_path / "walk").glob("map*"))
+    assert names == ["map.pgm", "map.yaml", "map_2.pgm", "map_2.yaml"]
+    assert yaml.safe_load((tmp_path / "walk" / "map_2.yaml").read_text())["image"] == "map_2.pgm"
 
 
 def test_a_dataset_alone_gives_bags_at_frame_rate_without_what_it_lacks(tmp_path: Path) -> None:
