@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..collectors.replay.replay import ReplayConfig
+from ..collectors.replay.suits import check_suits
 from ..collectors.replay.world import World, open_world
 from ..collectors.robots import get_robot
 from ..formats.core.episode import Episode
@@ -106,8 +107,8 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
             render_mode: `rgb_array`, or None.
 
         Raises:
-            InputError: no episode, episodes of several worlds, `tokens` without `tokenize`, or
-                actions that the controller does not carry out.
+            InputError: no episode, episodes of several worlds or that the robot cannot walk,
+                `tokens` without `tokenize`, or actions that the controller does not carry out.
             UnknownNameError: no such robot, controller, light, renderer, modality, kind of actions.
         """
         if not episodes or len({(e.level, e.staircases) for e in episodes}) > 1:
@@ -125,6 +126,7 @@ class NavigationEnv(gym.Env[dict[str, Any], Any]):
         base = config or ReplayConfig()
         self._config = closed_loop(replace(base, robot=robot, controller=controller))
         spec = get_robot(robot)
+        check_suits(spec, episodes)
         self._bundle = load_bundle(Path(scene))
         physics = base.physics.for_episode(*episodes)
         self.world: World = open_world(

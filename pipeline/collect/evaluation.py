@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...collectors.controllers import controller_for
+from ...collectors.replay.suits import check_suits
 from ...collectors.robots import RobotSpec
 from ...evaluation.episode import closed_loop
 from ...evaluation.motions import DISCRETE, WAYPOINTS, check_kind, controllers_for
@@ -75,7 +76,8 @@ def chosen_trial(options: Evaluate) -> Trial:
     """Return what the options of an evaluation mean; warn if a policy was trained on other things.
 
     Raises:
-        InputError: If a name is unknown, or a file or folder cannot be used.
+        InputError: If a name is unknown, a file or folder cannot be used, or the robot cannot walk
+            the episodes.
     """
     policy = resolve_policy(options.policy, options.timeout_s)
     maps = policy.name in MAPS and options.actions == WAYPOINTS
@@ -92,6 +94,7 @@ def chosen_trial(options: Evaluate) -> Trial:
         _warn_of_other_training(policy.name, card, test)
     episodes, folder = episodes_of(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
+    check_suits(robot, episodes)
     scenes = repair.rows_of(folder)
     repair.demand({e.scene_id for e in episodes}, scenes, folder)
     return Trial(policy, robot, controller, view, episodes, scenes, folder)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from ...collectors.controllers import controller_for
 from ...collectors.replay.replay import warnings_logged
+from ...collectors.replay.suits import check_suits
 from ...collectors.robots import RobotSpec
 from ...formats.core.errors import InputError, MissingExtraError
 from ...formats.core.rollout import HUMAN
@@ -53,13 +54,15 @@ def run(options: Drive) -> int:
         robot = keep(robots[0], root)
         current = Run(RunFolder(root), context, options.seed)
         scenes = chosen_scenes(current, options)
+        given = given_episodes(options, scenes) if options.episodes else None
+        check_suits(robot, given or ())
         session = Session(
             run=current,
             options=options,
             robot=robot,
             view=views[0],
             scenes={name: current.folder.scenes / name for name in scenes},
-            episodes=given_episodes(options, scenes) if options.episodes else None,
+            episodes=given,
         )
         with warnings_logged():
             if options.finish:

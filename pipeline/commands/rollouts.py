@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Sequence
 
+from ...collectors.replay.suits import check_suits
 from ...formats.core.errors import FileFormatError, check_name
 from ...formats.core.flags import FlagFile
 from ...formats.video.codecs import check_rgb_codec
@@ -35,6 +36,8 @@ def run_replay(options: Replay) -> int:
     actions = action_timing(options.action_steps, options.closed_loop)
     episodes, scenes_folder = episodes_of(options.episodes, options.scenes, None)
     paths = group_by_path(episodes)
+    for robot, _ in pairs:
+        check_suits(robot, paths)
     scenes = repair.rows_of(scenes_folder)
     repair.demand({e.scene_id for e in paths}, scenes, scenes_folder)
     summaries = []

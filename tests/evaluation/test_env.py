@@ -14,6 +14,7 @@ from gymnasium.utils.env_checker import check_env
 from tests.collectors.test_replay import make_episode, same
 from tests.support.scenes.storeys import LINE, TOP_M, write_two_storeys
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_in
+from vlnpe.collectors.replay.suits import check_suits
 from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
 from vlnpe.evaluation.env import SUCCESS_REWARD, NavigationEnv
@@ -278,6 +279,27 @@ def test_rewards_of_a_low_robot_lead_under_what_blocks_others(tmp_path) -> None:
     env = NavigationEnv(building.root, [under], controller="flash", images=False)
     _, info = env.reset(options={"episode": 0})
     assert info["distance_to_goal_m"] == pytest.approx(path_length(path), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("robot", "extra", "why"),
+    [
+        ("h1", {}, "takes stairs, which h1 cannot climb; valid: aliengo"),
+        ("vlnce", {"climb_height_m": 0.7}, "0.7 m free above its stairs, and vlnce needs 1.56 m"),
+        ("vlnce", {"free_height_m": 0.7}, "0.7 m free above its path, and vlnce needs 1.56 m"),
+    ],
+)
+def test_robots_that_are_too_tall_or_cannot_climb_are_refused(robot, extra, why) -> None:
+    path = np.vstack([[3.0, 2.0, 0.0], LINE, [15.0, 2.0, TOP_M]])
+    over = {"staircases": [1], "levels": [0, 1], "climb_height_m": 2.0}
+    fits, unfit = (
+        Episode(k, k, "two_storeys", "train", 0, path[0], 0.0, path[-1], path, 12.4, extra=more)
+        for k, more in (("fits", {}), ("unfit", over | extra))
+    )
+    check_suits(get_robot("aliengo"), [fits, unfit])
+    check_suits(get_robot(robot), [fits])
+    with pytest.raises(InputError, match=f"episode unfit of two_storeys .*{why}"):
+        check_suits(get_robot(robot), [fits, unfit])
 
 
 def make_env(root, episodes):
