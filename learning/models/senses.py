@@ -77,7 +77,7 @@ class Senses(nn.Module):
         else:
             rgb = self.rgb_place.new_zeros(*real.shape, GRID * GRID, self.rgb_width)
         if "depth" in self._inputs:
-            near = (batch["depth"][real] / DEPTH_SCALE_M).clamp(0.0, 1.0)
+            near = (fill_depth(batch["depth"][real]) / DEPTH_SCALE_M).clamp(0.0, 1.0)
             depth = self._grid(self.depth(near), self.depth_place, real)
         else:
             depth = self.depth_place.new_zeros(*real.shape, GRID * GRID, self.depth_width)
@@ -130,6 +130,18 @@ class Reader(nn.Module):
         output, last = self.recurrent(packed)
         words, _ = pad_packed_sequence(output, batch_first=True)
         return Read(words, ~real, torch.cat([last[0], last[1]], -1))
+
+
+def fill_depth(depth_m: Tensor) -> Tensor:
+    """Return depth (..., H, W) with the nearest measured pixel below in place of unmeasured ones.
+
+    What no camera measures is mostly high: the sky over a building without ceilings. Its 0 m would
+    look like a wall before the lens. Pixels with nothing measured below them stay 0.
+    """
+    upwards = depth_m.flip(-2)
+    rows = torch.arange(depth_m.shape[-2], device=depth_m.device)[:, None]
+    below = torch.where(upwards > 0, rows, 0).cummax(-2).values
+    return upwards.gather(-2, below).flip(-2)
 
 
 def load_word_vectors(embedding: nn.Embedding, vocabulary: tuple[str, ...], path: Path) -> int:

@@ -113,6 +113,24 @@ def test_the_agent_sees_inputs_like_the_loaders(
         assert apart < (0.5 if "rgb" in inputs else 0.02), apart
 
 
+def test_an_unmeasured_ceiling_looks_like_the_wall_below_it() -> None:
+    checkpoint = load_checkpoint(shipped_policies()["cma"])
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 255, (32, 32, 3), np.uint8)
+    walls = rng.uniform(0.5, 9.0, (32, 32)).astype(np.float32)
+    walls[:12], walls[20, 4:9], walls[30:, 7] = walls[12], walls[21, 4:9], 0.0
+    open_top = walls.copy()
+    open_top[:12, ::2], open_top[20, 4:9] = 0.0, 0.0  # nothing is measured below row 30
+
+    def logits(depth_m: np.ndarray) -> torch.Tensor:
+        stepper = Stepper(checkpoint)
+        stepper.begin("go to the table.", "one")
+        return stepper.predict(Sight(rgb, depth_m, -1, np.zeros(3)))["action"]
+
+    assert torch.equal(logits(open_top), logits(walls))
+    assert not torch.equal(logits(np.zeros_like(walls)), logits(walls))
+
+
 def test_pictures_drawn_for_a_model_are_worth_the_whole_ones(walks: Walks) -> None:
     checkpoint = load_checkpoint(shipped_policies()["cma"])
     view = make_view("ego", "vlnce", width_px=128, height_px=128)
