@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.camera import DepthRange
-from ..core.errors import FileFormatError
 from ..lerobot import write_episode_unit
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import new_depth_counts, new_rgb_counts
-from ..ros2.pixels import ideal_camera, images
-from ..ros2.resample import Span, camera_poses, frame_times, nearest, rollout_of_span
+from ..ros2.calibration import ideal_camera
+from ..ros2.pixels import images
+from ..ros2.resample import Span, camera_poses, frame_times, image_times_ns, rollout_of_span
 from ..ros2.topic_map import TopicMap
 from ..ros2.tracks import Tracks
 from ..video.mp4 import write_depth_video, write_rgb_video
@@ -33,20 +33,14 @@ def unit_from_log(
     base_height_m: float,
     rate: int,
     split: str,
-    instruction: str,
     rgb_codec: str = "h264",
 ) -> None:
     """Write a span as a unit; depth that the log lacks is invalid everywhere.
 
     Raises:
-        FileFormatError: If images or transforms are damaged or missing, or depth is not aligned.
+        FileFormatError: If images are damaged or missing.
     """
     info = tracks.camera_info
-    if info.width % 2 or info.height % 2:
-        raise FileFormatError(path, f"images of {info.width} × {info.height}; valid: even sizes")
-    if tracks.depth is not None and tracks.depth_frame != tracks.color_frame:
-        frames = f"depth in {tracks.depth_frame}, colour in {tracks.color_frame}"
-        raise FileFormatError(path, f"{frames}; valid: depth aligned to colour")
     times, depth = frame_times(span, rate), tracks.depth
     position, rotation = camera_poses(path, tracks, topics, span, rate)
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
@@ -57,11 +51,13 @@ def unit_from_log(
             for _ in times:
                 yield np.zeros((info.height, info.width), np.float32)
         else:
-            yield from images(path, topics.depth, nearest(depth, times), info, depth=True)
+            wanted = image_times_ns(tracks, depth, times)
+            yield from images(path, topics.depth, wanted, info, depth=True)
 
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".vlnpe-tmp-") as temporary:
         rgb_video, depth_video = Path(temporary) / "rgb.mp4", Path(temporary) / "depth.mp4"
-        colors = images(path, topics.color, nearest(tracks.color, times), info, depth=False)
+        wanted = image_times_ns(tracks, tracks.color, times)
+        colors = images(path, topics.color, wanted, info, depth=False)
         write_rgb_video(rgb_video, colors, rate, rgb_codec, rgb_counts)
         write_depth_video(depth_video, depths(), rate, DEPTH_RANGE, depth_counts)
         rollout = rollout_of_span(
@@ -74,7 +70,6 @@ def unit_from_log(
             rate=rate,
             name=folder.name,
             split=split,
-            instruction=instruction,
         )
         view = FrameFolder(
             rgb_video=rgb_video,

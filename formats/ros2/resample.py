@@ -14,8 +14,9 @@ from ..core.errors import FileFormatError
 from ..core.frames import matrix_to_quat, quat_to_matrix
 from ..core.geometry import path_length
 from ..core.rollout import STATE_RATE_HZ, EndReason, Metrics, Rollout
+from .clocks import Track
 from .topic_map import TopicMap
-from .tracks import Track, Tracks
+from .tracks import Tracks
 
 UNKNOWN = float("nan")
 # Of a base over level ground, from standing to walking: medians of 1 s differ by at most 2.5 cm in
@@ -23,41 +24,92 @@ UNKNOWN = float("nan")
 _BOB_S, _SWAY_M = 1.0, 0.03
 
 
+# A base that moves farther and faster than this between two messages was carried off by its
+# odometry, not by its legs.
+_LEAP_M, _LEAP_M_S = 0.5, 5.0
+
+
 @dataclass(frozen=True)
 class Span:
-    """Seconds since the bag's start without a gap in odometry, colour and depth."""
+    """Seconds since the bag's start with all that an episode needs, and under one instruction."""
 
     start_s: float
     stop_s: float
+    instruction: str = ""
 
 
-def spans(tracks: Tracks, topics: TopicMap) -> list[Span]:
-    """Return where a log has all that an episode needs, in order."""
-    needed = [tracks.odometry, tracks.color, *([tracks.depth] if tracks.depth else [])]
-    start = max(track.time_s[0] for track in needed)
-    stop = min(track.time_s[-1] for track in needed)
-    holes = sorted(
+def needed(path: Path, tracks: Tracks, topics: TopicMap) -> dict[str, Track]:
+    """Return what must go on during an episode, by its name: all that the log has and resamples.
+
+    Raises:
+        FileFormatError: If no transforms lead from the base to the camera.
+    """
+    parts = {"odometry": tracks.odometry, "colour": tracks.color, "depth": tracks.depth}
+    parts |= {"joint states": tracks.joints, "imu": tracks.imu}
+    moving = {
+        f"transform to {frame}": tracks.frames[frame][1]
+        for frame in _mount(path, tracks, topics)
+        if len(tracks.frames[frame][1].time_s) > 1
+    }
+    return {name: part for name, part in parts.items() if part is not None} | moving
+
+
+def spans(path: Path, tracks: Tracks, topics: TopicMap) -> list[Span]:
+    """Return where a log has all that an episode needs, in order; a new instruction begins one.
+
+    Raises:
+        FileFormatError: If no transforms lead from the base to the camera, or there is no such
+            span; the reason names the longest gaps.
+    """
+    parts = needed(path, tracks, topics)
+    start = max(part.time_s[0] for part in parts.values())
+    stop = min(part.time_s[-1] for part in parts.values())
+    holes = [
         (float(a), float(b))
-        for track in needed
-        for a, b in zip(track.time_s[:-1], track.time_s[1:], strict=True)
+        for part in parts.values()
+        for a, b in zip(part.time_s[:-1], part.time_s[1:], strict=True)
         if b - a > topics.max_gap_s
-    )
+    ]
+    holes += _leaps(tracks.odometry)
+    holes += [(at, at) for at, _ in tracks.instructions[1:]]
     result = []
-    for a, b in [*holes, (stop, stop)]:
+    for a, b in [*sorted(holes), (stop, stop)]:
         end = min(a, stop)
         if end - start >= topics.min_episode_s:
-            result.append(Span(float(start), float(end)))
+            said = [text for at, text in tracks.instructions if at < end]
+            result.append(Span(float(start), float(end), said[-1] if said else ""))
         start = max(start, b)
+    if not result:
+        wanted = f"no {topics.min_episode_s:g} s without a gap over {topics.max_gap_s:g} s"
+        has = "; ".join(_extent(name, part) for name, part in parts.items())
+        raise FileFormatError(path, f"{wanted} in all that it has: {has}")
     return result
 
 
-def nearest(track: Track, times_s: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the index (N,) of the message that is nearest to each time."""
-    after = np.clip(np.searchsorted(track.time_s, times_s), 1, max(len(track.time_s) - 1, 1))
+def _extent(name: str, part: Track) -> str:
+    times = part.time_s
+    gap = f" with gaps up to {np.diff(times).max():.2f} s" if len(times) > 1 else ""
+    return f"{name} {times[0]:.1f}–{times[-1]:.1f} s{gap}"
+
+
+def _leaps(odometry: Track) -> list[tuple[float, float]]:
+    """Return where the base is at another place from one message to the next."""
+    moved_m = np.linalg.norm(np.diff(odometry.values[:, :3], axis=0), axis=1)
+    passed_s = np.diff(odometry.time_s)
+    leaps = np.flatnonzero((moved_m > _LEAP_M) & (moved_m > _LEAP_M_S * passed_s))
+    return [(float(odometry.time_s[i]), float(odometry.time_s[i + 1])) for i in leaps]
+
+
+def image_times_ns(
+    tracks: Tracks, images: Track, times_s: NDArray[np.float64]
+) -> NDArray[np.int64]:
+    """Return the log time (N,) [ns] of the image that is nearest to each time."""
+    after = np.clip(np.searchsorted(images.time_s, times_s), 1, max(len(images.time_s) - 1, 1))
     before = after - 1
-    after = np.minimum(after, len(track.time_s) - 1)
-    closer = times_s - track.time_s[before] <= track.time_s[after] - times_s
-    return np.where(closer, before, after)
+    after = np.minimum(after, len(images.time_s) - 1)
+    closer = times_s - images.time_s[before] <= images.time_s[after] - times_s
+    logged = images.values[np.where(closer, before, after), 0]
+    return tracks.start_ns + logged.astype(np.int64)
 
 
 def frame_times(span: Span, rate: int) -> NDArray[np.float64]:
@@ -76,7 +128,6 @@ def rollout_of_span(
     rate: int,
     name: str,
     split: str,
-    instruction: str,
 ) -> Rollout:
     """Return a span as a rollout at `STATE_RATE_HZ`; what the log lacks has no columns.
 
@@ -115,7 +166,7 @@ def rollout_of_span(
             goal_position_world_m=np.full(3, UNKNOWN),
             reference_path_world_m=np.empty((0, 3)),
             geodesic_distance_m=UNKNOWN,
-            instruction=instruction,
+            instruction=span.instruction,
         ),
         robot=robot,
         controller="log",
@@ -149,7 +200,7 @@ def rollout_of_span(
             stuck=end is EndReason.STUCK,
             duration_s=float(times[-1] - times[0]),
         ),
-        facts={"clock": list(tracks.doubts), "source_span_s": [span.start_s, span.stop_s]},
+        facts={"doubts": list(tracks.doubts), "source_span_s": [span.start_s, span.stop_s]},
     )
 
 
@@ -175,16 +226,27 @@ def camera_poses(
     """
     times = frame_times(span, rate)
     pose = np.tile(np.eye(4), (len(times), 1, 1))
-    frame, passed = tracks.color_frame, set[str]()
-    while frame != topics.base_frame:
-        if frame not in tracks.frames or frame in passed:
-            chain = f"{topics.base_frame} to {tracks.color_frame}"
-            raise FileFormatError(path, f"/tf and /tf_static do not lead from {chain}")
-        passed.add(frame)
-        frame, edge = tracks.frames[frame]
-        pose = _matrices(at_times(edge, times)) @ pose
+    for frame in _mount(path, tracks, topics):
+        pose = _matrices(at_times(tracks.frames[frame][1], times)) @ pose
     pose = _matrices(at_times(tracks.odometry, times)) @ pose
     return pose[:, :3, 3], matrix_to_quat(pose[:, :3, :3])
+
+
+def _mount(path: Path, tracks: Tracks, topics: TopicMap) -> list[str]:
+    """Return the frames from the camera's to the one that lies in the base's.
+
+    Raises:
+        FileFormatError: If transforms do not lead there.
+    """
+    frame, passed = tracks.color_frame, list[str]()
+    while frame != topics.base_frame:
+        if frame not in tracks.frames or frame in passed:
+            way = f"from {tracks.color_frame!r} to base_frame, {topics.base_frame!r}"
+            reason = f"/tf and /tf_static do not lead {way}: they end at {frame!r}"
+            raise FileFormatError(path, reason)
+        passed.append(frame)
+        frame = tracks.frames[frame][0]
+    return passed
 
 
 def at_times(track: Track, times_s: NDArray[np.float64]) -> NDArray[np.float64]:

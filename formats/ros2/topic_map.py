@@ -7,19 +7,33 @@ from ..core.errors import FileFormatError, UnknownNameError, brief
 from ..core.rollout import EndReason
 from ..untrusted.yaml_document import read_yaml
 
+_IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+# The message types that each topic may have.
+KINDS = {
+    "odometry": ("nav_msgs/msg/Odometry",),
+    "color": _IMAGES,
+    "depth": _IMAGES,
+    "camera_info": ("sensor_msgs/msg/CameraInfo",),
+    "joints": ("sensor_msgs/msg/JointState",),
+    "command": ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"),
+    "imu": ("sensor_msgs/msg/Imu",),
+    "instruction": ("std_msgs/msg/String",),
+}
+
 
 @dataclass(frozen=True)
 class TopicMap:
     """Topics, frames and limits; the defaults are those of the bags that vlnpe writes.
 
     Attributes:
-        odometry: nav_msgs/Odometry.
-        color, depth: sensor_msgs/Image or CompressedImage; depth is aligned to colour.
-        camera_info: sensor_msgs/CameraInfo of both.
-        joints, command, imu, instruction: JointState, Twist or TwistStamped, Imu, String.
+        odometry: Of `base_frame`.
+        color, depth: Depth is aligned to colour.
+        camera_info: Of both.
+        joints, command, imu, instruction: An empty name leaves out what a bag has.
         base_frame: Frame of the robot's base.
         end_reason: How the episodes ended, which no topic says.
-        max_gap_s: Longest time without odometry, colour or depth [s]; a longer one ends an episode.
+        max_gap_s: Longest time [s] without a message of any topic but commands and instructions, or
+            without a transform to the camera that moves; a longer one ends an episode.
         min_episode_s: Shortest episode [s].
     """
 

@@ -1,51 +1,22 @@
 """The numbers of a robot's log by time, without its images."""
 
-import struct
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from backports.zstd import ZstdError  # rosbags reads chunks with it
-from numpy.typing import NDArray
-from rosbags.rosbag2 import Reader
-from rosbags.rosbag2.errors import ReaderError
-from rosbags.serde import SerdeError
 
 from ..core.errors import FileFormatError, one_line
-from ..untrusted.files import PARSER_ERRORS
 from .bag import NANOSECONDS, STORE
-from .topic_map import TopicMap
+from .calibration import check_calibration, check_same
+from .clocks import Stamped, Track
+from .log import BAG_ERRORS, header_stamp, messages
+from .topic_map import KINDS, TopicMap
 
-# A topic's clock that is this far from the recorder's is another clock, not latency.
-OTHER_CLOCK_S = 1.0
-# What rosbags raises for damaged bags.
-BAG_ERRORS = (ReaderError, SerdeError, ZstdError, AssertionError, *PARSER_ERRORS)
-
-
-@dataclass(frozen=True)
-class Track:
-    """Values by ascending time since the bag's start.
-
-    Attributes:
-        time_s: (N,) [s].
-        values: (N, D).
-    """
-
-    time_s: NDArray[np.float64]
-    values: NDArray[np.float64]
-
-    def at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return values interpolated linearly; before the first and after the last, those."""
-        columns = [np.interp(times_s, self.time_s, column) for column in self.values.T]
-        return np.stack(columns, axis=-1) if columns else np.empty((len(times_s), 0))
-
-    def last_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the last value of each time; before the first one, NaN."""
-        index = np.searchsorted(self.time_s, times_s, side="right") - 1
-        values = self.values[np.maximum(index, 0)]
-        return np.where((index >= 0)[:, None], values, np.nan)
+TRANSFORMS: dict[str, tuple[str, ...]] = dict.fromkeys(
+    ("/tf", "/tf_static"), ("tf2_msgs/msg/TFMessage",)
+)
 
 
 @dataclass(frozen=True)
@@ -53,17 +24,21 @@ class Tracks:
     """What a log holds.
 
     Attributes:
+        start_ns: Log time of the first message [ns], from which all times count.
         odometry: Position [m], quat_wxyz, linear [m/s] and angular [rad/s] velocity (13).
         joint_names, joints: Positions, velocities and efforts (3 J), NaN where not reported.
-        command: vx, vy [m/s] and yaw rate [rad/s].
+        command: vx, vy [m/s] and yaw rate [rad/s], NaN where it held no numbers.
         imu: Specific force [m/s²] and angular rate [rad/s] (6).
-        color, depth: Times of the images, without values; empty where there are none.
-        camera_info: The first CameraInfo.
-        frames: Parent, and position and quat_wxyz (7) in it, by frame.
-        color_frame, depth_frame: Frames of the images.
+        color, depth: Log times of the images [ns since the start] (1); None where there are none.
+        camera_info: CameraInfo of all images.
+        frames: Parent, and position and quat_wxyz (7) in it, by frame; one that does not move has
+            one value.
+        color_frame: Frame of the images.
+        instructions: Seconds and text of each new instruction.
         doubts: Sentences about what was adjusted.
     """
 
+    start_ns: int
     odometry: Track
     joint_names: tuple[str, ...]
     joints: Track | None
@@ -74,146 +49,153 @@ class Tracks:
     camera_info: Any
     frames: dict[str, tuple[str, Track]]
     color_frame: str
-    depth_frame: str
-    instruction: str
+    instructions: tuple[tuple[float, str], ...]
     doubts: tuple[str, ...]
-
-
-@dataclass
-class _Stamped:
-    """Messages of one topic."""
-
-    stamp_ns: list[int] = field(default_factory=list)
-    log_ns: list[int] = field(default_factory=list)
-    values: list[Any] = field(default_factory=list)
-
-
-def messages(path: Path, topics: tuple[str, ...]) -> Iterator[tuple[str, str, int, bytes]]:
-    """Yield topic, type, log time [ns] and CDR bytes of the messages of some topics.
-
-    Raises:
-        FileFormatError: If the bag is damaged or not complete.
-    """
-    try:
-        with Reader(path) as reader:
-            chosen = [c for c in reader.connections if c.topic in topics]
-            expected = sum(c.msgcount for c in chosen)
-            count = 0
-            for connection, at, data in reader.messages(chosen) if chosen else ():
-                count += 1
-                yield connection.topic, connection.msgtype, at, bytes(data)
-            if count != expected:
-                raise FileFormatError(path, f"truncated: {count} of {expected} messages")
-    except FileFormatError:
-        raise
-    except BAG_ERRORS as error:
-        raise FileFormatError(path, f"damaged bag: {one_line(error)}") from error
-
-
-def header_stamp(data: bytes) -> tuple[int, str]:
-    """Return the stamp [ns] and the frame of a message that begins with a header."""
-    order = "<" if data[1] & 1 else ">"
-    seconds, nanoseconds, size = struct.unpack_from(f"{order}iII", data, 4)
-    return seconds * NANOSECONDS + nanoseconds, data[16 : 16 + size - 1].decode()
 
 
 def read_tracks(path: Path, topics: TopicMap) -> Tracks:
     """Read all of a bag but the pixels; memory holds no image.
 
     Raises:
-        FileFormatError: If the bag is damaged, or lacks odometry, colour or its calibration.
+        FileFormatError: If the bag is damaged, lacks odometry, colour or its calibration, a topic
+            holds something else than it should, or depth is not aligned.
     """
-    named = (topics.odometry, topics.color, topics.depth, topics.camera_info, topics.joints)
-    named = (*named, topics.command, topics.imu, topics.instruction, "/tf", "/tf_static")
-    read: dict[str, _Stamped] = {}
-    edges: dict[str, tuple[str, _Stamped]] = {}
-    images: dict[str, str] = {}
-    texts: list[str] = []
-    joint_names: tuple[str, ...] = ()
-    camera_info = None
+    log = _Log(path, topics)
+    required = (topics.odometry, topics.color, topics.camera_info)
+    kinds: dict[str, tuple[str, ...]] = {getattr(topics, name): k for name, k in KINDS.items()}
     try:
-        for topic, kind, at, data in messages(path, named):
-            if topic in (topics.color, topics.depth):
-                stamp, frame = header_stamp(data)
-                images.setdefault(topic, frame)
-                _add(read.setdefault(topic, _Stamped()), stamp, at, [])
-                continue
-            message: Any = STORE.deserialize_cdr(data, kind)
-            if topic in ("/tf", "/tf_static"):
-                for part in message.transforms:
-                    parent, edge = edges.setdefault(
-                        part.child_frame_id, (part.header.frame_id, _Stamped())
-                    )
-                    place = part.transform
-                    if parent == part.header.frame_id:
-                        values = _place(place.translation, place.rotation)
-                        _add(edge, _stamp(part), at, values)
-            elif topic == topics.instruction:
-                texts.append(message.data)
-            elif topic == topics.camera_info:
-                camera_info = camera_info or message
-            else:
-                if topic == topics.joints:
-                    joint_names = joint_names or tuple(message.name)
-                stamp = _stamp(message) if hasattr(message, "header") else at
-                values = _values(topic, topics, message, joint_names)
-                _add(read.setdefault(topic, _Stamped()), stamp, at, values)
+        for topic, kind, at, data in messages(path, kinds | TRANSFORMS, required):
+            log.take(topic, kind, at, data)
     except FileFormatError:
         raise
     except BAG_ERRORS as error:
         raise FileFormatError(path, f"a message is damaged: {one_line(error)}") from error
-    for topic in (topics.odometry, topics.color):
-        if topic not in read:
-            raise FileFormatError(path, f"has no messages on {topic}, which every episode needs")
-    if camera_info is None:
-        raise FileFormatError(path, f"has no calibration on {topics.camera_info}")
-    start = min(at for stamped in read.values() for at in stamped.log_ns)
-    doubts: list[str] = []
-
-    def track(topic: str) -> Track | None:
-        return _track(topic, read[topic], start, doubts) if topic in read else None
-
-    odometry, color = track(topics.odometry), track(topics.color)
-    assert odometry is not None and color is not None
-    return Tracks(
-        odometry=odometry,
-        joint_names=joint_names,
-        joints=track(topics.joints),
-        command=track(topics.command),
-        imu=track(topics.imu),
-        color=color,
-        depth=track(topics.depth),
-        camera_info=camera_info,
-        frames={
-            child: (parent, _track(f"transform to {child}", stamped, start, doubts))
-            for child, (parent, stamped) in edges.items()
-        },
-        color_frame=images[topics.color],
-        depth_frame=images.get(topics.depth, ""),
-        instruction=texts[0].strip() if texts else "",
-        doubts=tuple(doubts),
-    )
+    return log.tracks()
 
 
-def _add(stamped: _Stamped, stamp_ns: int, log_ns: int, values: Any) -> None:
-    stamped.stamp_ns.append(stamp_ns)
-    stamped.log_ns.append(log_ns)
-    stamped.values.append(values)
+class _Log:
+    """What was read of a log so far."""
+
+    def __init__(self, path: Path, topics: TopicMap):
+        self._path, self._topics = path, topics
+        self._read: dict[str, Stamped] = {}
+        self._edges: dict[str, tuple[str, Stamped]] = {}
+        self._image_frames: dict[str, str] = {}
+        self._joints: dict[tuple[str, ...], Stamped] = {}
+        self._texts: list[tuple[int, str]] = []
+        self._camera_info: Any = None
+        self._start_ns = -1
+
+    def take(self, topic: str, kind: str, at: int, data: bytes) -> None:
+        """Add a message."""
+        topics = self._topics
+        if topic not in TRANSFORMS and self._start_ns < 0:
+            self._start_ns = at
+        if topic in (topics.color, topics.depth):
+            stamp, frame = header_stamp(data)
+            if frame != self._image_frames.setdefault(topic, frame):
+                frames = f"{topic} holds images of {self._image_frames[topic]} and {frame}"
+                raise FileFormatError(self._path, f"{frames}; valid: one camera")
+            self._stamped(topic).add(stamp, at, [at - self._start_ns])
+            return
+        message: Any = STORE.deserialize_cdr(data, kind)
+        if topic in TRANSFORMS:
+            for part in message.transforms:
+                self._take_edge(part, at, moves=topic == "/tf")
+        elif topic == topics.instruction:
+            text = " ".join(message.data.split())
+            if text and text != (self._texts[-1][1] if self._texts else ""):
+                self._texts.append((at, text))
+        elif topic == topics.camera_info:
+            self._camera_info = check_same(self._path, self._camera_info, message)
+        elif topic == topics.joints:
+            names = tuple(message.name)
+            stamped = self._joints.setdefault(names, Stamped())
+            _add(stamped, _stamp(message), at, _joints(message))
+        else:
+            stamp = _stamp(message) if hasattr(message, "header") else at
+            _add(self._stamped(topic), stamp, at, self._values(topic, message))
+
+    def _stamped(self, topic: str) -> Stamped:
+        return self._read.setdefault(topic, Stamped())
+
+    def _take_edge(self, part: Any, at: int, *, moves: bool) -> None:
+        parent, child = part.header.frame_id, part.child_frame_id
+        known, edge = self._edges.setdefault(child, (parent, Stamped()))
+        if known != parent:
+            return
+        if not moves:  # latched, perhaps again and again
+            self._edges[child] = parent, (edge := Stamped())
+        place = part.transform
+        _add(edge, _stamp(part), at, _place(place.translation, place.rotation))
+
+    def _values(self, topic: str, message: Any) -> Sequence[float] | None:
+        topics = self._topics
+        if topic == topics.odometry:
+            child, base = message.child_frame_id, topics.base_frame
+            if child and child != base:
+                reason = f"{topic} tells where {child} is; valid: base_frame, which is {base}"
+                raise FileFormatError(self._path, reason)
+            pose, twist = message.pose.pose, message.twist.twist
+            place = _place(pose.position, pose.orientation)
+            return place and _finite([*place, *_xyz(twist.linear), *_xyz(twist.angular)])
+        if topic == topics.imu:
+            return _finite([*_xyz(message.linear_acceleration), *_xyz(message.angular_velocity)])
+        twist = getattr(message, "twist", message)
+        # What a robot does on such a command is not known.
+        values = [twist.linear.x, twist.linear.y, twist.angular.z]
+        return _finite(values) or [np.nan] * 3
+
+    def tracks(self) -> Tracks:
+        """Return all that was read."""
+        topics, doubts = self._topics, list[str]()
+        color_frame = self._image_frames[topics.color]
+        depth_frame = self._image_frames.get(topics.depth, "")
+        check_calibration(self._path, self._camera_info, color_frame)
+        if topics.depth in self._read and depth_frame != color_frame:
+            frames = f"depth in {depth_frame!r}, colour in {color_frame!r}"
+            raise FileFormatError(self._path, f"{frames}; valid: depth aligned to colour")
+        joints = max(self._joints, key=lambda names: len(self._joints[names].values), default=())
+        if self._joints:
+            self._read[topics.joints] = self._joints.pop(joints)
+        for others in self._joints:
+            doubts.append(f"{topics.joints}: messages with other joints left out: {others[:3]} …")
+
+        def track(topic: str) -> Track | None:
+            stamped = self._read.get(topic)
+            return stamped.track(topic, self._start_ns, doubts) if stamped else None
+
+        odometry, color = track(topics.odometry), track(topics.color)
+        if odometry is None or color is None:
+            raise FileFormatError(self._path, f"{topics.odometry}: no message holds a pose")
+        frames = {}
+        for child, (parent, edge) in self._edges.items():
+            if placed := edge.track(f"transform to {child}", self._start_ns, doubts):
+                frames[child] = parent, placed
+        return Tracks(
+            start_ns=self._start_ns,
+            odometry=odometry,
+            joint_names=joints,
+            joints=track(topics.joints),
+            command=track(topics.command),
+            imu=track(topics.imu),
+            color=color,
+            depth=track(topics.depth),
+            camera_info=self._camera_info,
+            frames=frames,
+            color_frame=color_frame,
+            instructions=tuple(
+                ((at - self._start_ns) / NANOSECONDS, text) for at, text in self._texts
+            ),
+            doubts=tuple(doubts),
+        )
 
 
-def _track(name: str, stamped: _Stamped, start_ns: int, doubts: list[str]) -> Track:
-    """Return values by time; a clock of its own is set to the recorder's."""
-    stamps, logs = np.array(stamped.stamp_ns), np.array(stamped.log_ns)
-    late = float(np.median(logs - stamps)) / NANOSECONDS
-    if abs(late) > OTHER_CLOCK_S and len(stamps) > 1:
-        doubts.append(f"{name}: its clock is {late:.3f} s behind the recorder's; shifted")
-        stamps = stamps + round(late * NANOSECONDS)
-    elif abs(late) > OTHER_CLOCK_S:  # e.g. a static transform of another day
-        stamps = logs
-    time_s = (stamps - start_ns) / NANOSECONDS
-    time_s, first = np.unique(time_s, return_index=True)
-    values = np.array(stamped.values, np.float64).reshape(len(stamps), -1)[first]
-    return Track(time_s, values)
+def _add(stamped: Stamped, stamp_ns: int, log_ns: int, values: Sequence[float] | None) -> None:
+    if values is None:
+        stamped.skipped += 1
+    else:
+        stamped.add(stamp_ns, log_ns, values)
 
 
 def _stamp(message: Any) -> int:
@@ -221,28 +203,24 @@ def _stamp(message: Any) -> int:
     return stamp.sec * NANOSECONDS + stamp.nanosec
 
 
-def _place(at: Any, turn: Any) -> list[float]:
-    return [at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z]
+def _finite(values: Sequence[float]) -> Sequence[float] | None:
+    return values if np.isfinite(values).all() else None
 
 
-def _values(
-    topic: str, topics: TopicMap, message: Any, joint_names: tuple[str, ...]
-) -> list[float]:
-    if topic == topics.odometry:
-        pose, twist = message.pose.pose, message.twist.twist
-        return [*_place(pose.position, pose.orientation), *_xyz(twist.linear), *_xyz(twist.angular)]
-    if topic == topics.joints:
-        order = [list(message.name).index(name) for name in joint_names]
-        nothing = np.full(len(message.name), np.nan)
-        parts = [
-            (values if len(values) else nothing)[order]
-            for values in (message.position, message.velocity, message.effort)
-        ]
-        return np.concatenate(parts).tolist()
-    if topic == topics.imu:
-        return [*_xyz(message.linear_acceleration), *_xyz(message.angular_velocity)]
-    twist = getattr(message, "twist", message)
-    return [twist.linear.x, twist.linear.y, twist.angular.z]
+def _place(at: Any, turn: Any) -> Sequence[float] | None:
+    """Return position and quat_wxyz (7); None if they are no pose."""
+    values = [at.x, at.y, at.z, turn.w, turn.x, turn.y, turn.z]
+    return _finite(values) if abs(np.linalg.norm(values[3:]) - 1.0) < 0.1 else None
+
+
+def _joints(message: Any) -> Sequence[float] | None:
+    count = len(message.name)
+    nothing, parts = np.full(count, np.nan), []
+    for values in (message.position, message.velocity, message.effort):
+        if len(values) not in (0, count) or not np.isfinite(values).all():
+            return None
+        parts.append(values if len(values) else nothing)
+    return np.concatenate(parts).tolist()
 
 
 def _xyz(vector: Any) -> list[float]:

@@ -1,9 +1,10 @@
 """Commands for existing data: `convert` between formats, `restore` after LeRobot's tools."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from ...formats.convert.restore import restore
-from ...formats.core.errors import InputError, check_name
+from ...formats.core.errors import FileFormatError, InputError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.ros2.topic_map import TopicMap, read_topic_map
@@ -114,7 +115,12 @@ def _options(options: Convert) -> convert_source.Options:
         options.scan,
         options.every_frame,
         read_topic_map(options.map) if options.map else TopicMap(),
-        read_input(options.instruction, max_bytes=limits().text_bytes).decode().strip()
-        if options.instruction
-        else "",
+        _text(options.instruction) if options.instruction else "",
     )
+
+
+def _text(path: Path) -> str:
+    try:
+        return " ".join(read_input(path, max_bytes=limits().text_bytes).decode().split())
+    except UnicodeDecodeError as error:
+        raise FileFormatError(path, "not a text in UTF-8") from error

@@ -2,8 +2,11 @@
 
 import json
 import logging
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from ....collectors.robots import get_robot
 from ....formats.convert.episodes import DATASET_NAME
@@ -11,11 +14,16 @@ from ....formats.convert.facts import DatasetFacts
 from ....formats.convert.ros2_unit import unit_from_log
 from ....formats.core.errors import FileFormatError, InputError, UnknownNameError
 from ....formats.ros2.resample import Span, spans
+from ....formats.ros2.topic_map import TopicMap
 from ....formats.ros2.tracks import Tracks, read_tracks
 from ...engine.work import ItemResult
 from .jobs import Kind, Options, source_note, unit_facts
 
 log = logging.getLogger(__name__)
+
+Seen = tuple[tuple[str | int, ...], ...]
+# A log of which episodes hold less than this share is worth a word.
+_MOST = 0.95
 
 
 @dataclass(frozen=True)
@@ -23,11 +31,13 @@ class LogUnitJob:
     """Write the unit of one span of a log.
 
     Attributes:
+        seen: Sizes and times of the bag's files.
         joint_names: The joints to keep, in order.
         out: Unit folder.
     """
 
     path: Path
+    seen: Seen
     span: Span
     robot: str
     joint_names: tuple[str, ...]
@@ -36,10 +46,15 @@ class LogUnitJob:
     name: str
     out: Path
 
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """What decides the result."""
+        return self.seen, self.span, self.joint_names, self.base_height_m
+
     def run(self) -> ItemResult:
         """Write the unit."""
         options, assumed = self.options, self.options.assumptions
-        tracks = read_tracks(self.path, options.topics)
+        tracks = _tracks(self.path, options.topics, self.seen)
         unit_from_log(
             self.path,
             tracks,
@@ -52,7 +67,6 @@ class LogUnitJob:
             rate=assumed.frames_per_second,
             split=assumed.split,
             rgb_codec=assumed.rgb_codec,
-            instruction=tracks.instruction or options.instruction,
         )
         parts = ("joints", "command", "imu", "depth")
         note = {
@@ -62,8 +76,9 @@ class LogUnitJob:
             },
             "topics": asdict(options.topics),
             "missing": ["goal", "reference path", "contacts"]
-            + [part for part in parts if getattr(tracks, part) is None],
-            "clocks": list(tracks.doubts),
+            + [part for part in parts if getattr(tracks, part) is None]
+            + ([] if self.span.instruction else ["instruction"]),
+            "doubts": list(tracks.doubts),
         }
         provenance = {"converted": source_note(Kind.ROS2) | note}
         facts = DatasetFacts(self.name, options.licence, provenance)
@@ -71,34 +86,95 @@ class LogUnitJob:
         return ItemResult(unit_facts(self.out, self.path))
 
 
-def log_jobs(path: Path, units: Path, name: str, options: Options) -> list[LogUnitJob]:
+@dataclass(frozen=True)
+class UnreadableLogJob:
+    """Stands for a log, one of several, that gives no episode.
+
+    Attributes:
+        out: Where its unit would be.
+    """
+
+    path: Path
+    seen: Seen
+    reason: str
+    out: Path
+
+    @property
+    def inputs(self) -> tuple[Any, ...]:
+        """What decides the result."""
+        return self.seen, self.reason
+
+    def run(self) -> ItemResult:
+        """Raise FileFormatError."""
+        raise FileFormatError(self.path, self.reason)
+
+
+def log_items_of(
+    path: Path, seen: Seen, units: Path, name: str, options: Options, several: bool
+) -> Sequence[LogUnitJob | UnreadableLogJob]:
     """Return a job for each episode of a log.
+
+    Args:
+        seen: Sizes and times of the bag's files.
+        several: Whether other logs may be read although this one cannot: its job will say why.
+
+    Raises:
+        InputError: If the robot is not named, or the height of its base is unknown.
+        FileFormatError: If the only bag is damaged or has no episode.
+    """
+    try:
+        return log_jobs(path, seen, units, name, options)
+    except FileFormatError as error:
+        if not several:
+            raise
+        return [UnreadableLogJob(path, seen, error.reason, units / log_stem(path))]
+
+
+def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -> list[LogUnitJob]:
+    """Return a job for each episode of a log.
+
+    Args:
+        seen: Sizes and times of the bag's files.
 
     Raises:
         InputError: If the robot is not named, or the height of its base is unknown.
         FileFormatError: If the bag is damaged or has no episode.
     """
-    tracks = read_tracks(path, options.topics)
+    tracks = _tracks(path, options.topics, seen)
     robot, joint_names, height = _robot(path, tracks, options)
+    parts = spans(path, tracks, options.topics)
     for doubt in tracks.doubts:
         log.warning("%s: %s", path.name, doubt)
-    parts = spans(tracks, options.topics)
-    if not parts:
-        topics = options.topics
-        raise FileFormatError(
-            path,
-            f"no {topics.min_episode_s:g} s without a gap of {topics.max_gap_s:g} s in odometry, "
-            "colour or depth",
-        )
-    if len(parts) > 1:
-        log.warning("%s: gaps end episodes: it gives %d", path.name, len(parts))
-    stem = path.stem if path.is_file() else path.name
+    whole_s = float(tracks.color.time_s[-1] - tracks.color.time_s[0])
+    used_s = sum(part.stop_s - part.start_s for part in parts)
+    if len(parts) > 1 or used_s < _MOST * whole_s:
+        used = f"{len(parts)} episodes with {used_s:.1f} of {whole_s:.1f} s"
+        log.warning("%s: gaps, leaps and new instructions end episodes: %s", path.name, used)
     return [
         LogUnitJob(
-            path, span, robot, joint_names, height, options, name, units / f"{stem}-{number:03d}"
+            path,
+            seen,
+            replace(part, instruction=part.instruction or options.instruction),
+            robot,
+            joint_names,
+            height,
+            options,
+            name,
+            units / f"{log_stem(path)}-{number:03d}",
         )
-        for number, span in enumerate(parts)
+        for number, part in enumerate(parts)
     ]
+
+
+def log_stem(path: Path) -> str:
+    """Return what the episodes of a bag are called after."""
+    return path.stem if path.is_file() else path.name
+
+
+@lru_cache(maxsize=1)
+def _tracks(path: Path, topics: TopicMap, seen: Seen) -> Tracks:
+    """Read a bag once for all episodes that a process makes of it; `seen` tells of changes."""
+    return read_tracks(path, topics)
 
 
 def _robot(path: Path, tracks: Tracks, options: Options) -> tuple[str, tuple[str, ...], float]:
@@ -108,9 +184,9 @@ def _robot(path: Path, tracks: Tracks, options: Options) -> tuple[str, tuple[str
         raise InputError(f"{path}: a log does not name its robot; pass --robot")
     try:
         robot = get_robot(named)
-    except UnknownNameError:
+    except UnknownNameError as error:
         if height is None:
-            raise
+            raise InputError(f"{error}; any other robot's log needs --base-height-m") from error
         return named, tracks.joint_names, height
     joints = robot.joint_names
     if missing := [joint for joint in joints if joint not in tracks.joint_names]:

@@ -67,7 +67,7 @@ def detect(path: Path) -> Source:
     """
     if not path.is_dir():
         check_input(path)
-        if path.suffix == ".db3" or is_ros2_file(path):
+        if is_ros2_file(path):
             return Source(path, Kind.ROS2, path.resolve().stem)
         if path.suffix != ".mcap":
             raise FileFormatError(path, "neither a folder nor an .mcap file")
@@ -116,13 +116,15 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
             out = units / source.name / episode
             add(source.name, episode, seen, DatasetUnitJob(path, number, out))
     elif source.kind is Kind.ROS2:
-        from .log_job import log_jobs  # needs an extra
+        from .log_job import log_items_of  # needs an extra
 
-        for bag in bag_paths(path) or [path]:
+        bags = bag_paths(path)
+        for bag in bags:
             files = [bag] if bag.is_file() else sorted(bag.iterdir())
-            for job in log_jobs(bag, units / source.name, source.name, options):
-                inputs = (_seen(files), job.span, job.joint_names, job.base_height_m)
-                add(source.name, job.out.name, inputs, job)
+            seen = tuple(_seen(files))
+            jobs = log_items_of(bag, seen, units / source.name, source.name, options, len(bags) > 1)
+            for job in jobs:
+                add(source.name, job.out.name, job.inputs, job)
     else:
         scenes = find_scenes(path)
         scans = {scene.scan for scene in scenes}
@@ -139,15 +141,36 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
     return groups
 
 
-def bag_paths(folder: Path) -> list[Path]:
-    """Return a folder that is a bag of ROS 2, or the bags in it."""
-    found = [folder, *sorted(folder.iterdir())] if folder.is_dir() else []
-    return [path for path in found if (path / BAG_METADATA).is_file()]
+def bag_paths(path: Path) -> list[Path]:
+    """Return a path that is a bag of ROS 2, or the bags in a folder.
+
+    A recorder that was killed leaves a bag without metadata: its storage files count one by one.
+    """
+    if not path.is_dir():
+        return [path] if is_ros2_file(path) else []
+    if _has_metadata(path):
+        return [path]
+    entries = sorted(path.iterdir())
+    return [
+        bag
+        for entry in entries
+        for bag in (
+            [entry] if _has_metadata(entry) or not entry.is_dir() else sorted(entry.iterdir())
+        )
+        if _has_metadata(bag) or is_ros2_file(bag)
+    ]
+
+
+def _has_metadata(path: Path) -> bool:
+    return path.is_dir() and (path / BAG_METADATA).exists()
 
 
 def is_ros2_file(path: Path) -> bool:
-    """Return whether an MCAP file says that ROS 2 wrote it."""
-    return path.suffix == ".mcap" and read_start(path, len(ROS2_START)).endswith(ROS2_START[-8:])
+    """Return whether a file stores messages of ROS 2."""
+    if path.suffix not in (".db3", ".mcap") or not path.is_file():
+        return False
+    start = read_start(path, len(ROS2_START))
+    return path.suffix == ".db3" or start.endswith(ROS2_START[-8:])
 
 
 def _layout_files(folder: Path, number: int) -> list[Path]:
@@ -177,5 +200,5 @@ def _seen(files: Iterable[Path]) -> list[Any]:
     states: list[Any] = []
     for path in files:
         status = path.stat() if path.is_file() else None
-        states.append([str(path), *((status.st_size, status.st_mtime_ns) if status else ())])
+        states.append((str(path), *((status.st_size, status.st_mtime_ns) if status else ())))
     return states

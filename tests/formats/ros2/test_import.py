@@ -3,13 +3,12 @@
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.rosbag2 import StoragePlugin
 
 from tests.support.lerobot_data import write_unit
+from tests.support.robot_logs import position, topic_map, write_log
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.ros2_unit import unit_from_log
@@ -24,156 +23,12 @@ from vlnpe.formats.ros2.tracks import read_tracks
 from vlnpe.formats.video.mp4 import iterate_rgb_video
 from vlnpe.pipeline import cli
 
-STORE = get_typestore(Stores.ROS2_HUMBLE)
-EPOCH_S = 1_790_000_000
-TOPICS = """
-odometry: /utlidar/robot_odom
-color: /camera/camera/color/image_raw
-depth: /camera/camera/aligned_depth_to_color/image_raw
-camera_info: /camera/camera/color/camera_info
-joints: /lowstate/joints
-command: /api/cmd_vel
-"""
-WIDTH, HEIGHT, FOCAL_PX = 64, 48, 40.0
-
-
-def make(kind: str, *values: Any, **fields: Any) -> Any:
-    return STORE.types[kind.replace("/", "/msg/")](*values, **fields)
-
-
-def position(time_s: float) -> np.ndarray:
-    return np.array([0.5 * time_s, 0.1 * np.sin(time_s), 0.3])
-
-
-def write_log(
-    path: Path,
-    *,
-    seconds: float = 6.0,
-    hole: tuple[float, float] | None = None,
-    behind_s: float = 0.0,
-    depth: str = "16UC1",
-    storage: StoragePlugin = StoragePlugin.MCAP,
-) -> None:
-    """Write odometry at 37 Hz, colour at 15 Hz, depth at 11 Hz, joints at 50 Hz, commands at 7 Hz.
-
-    Args:
-        hole: Seconds without colour.
-        behind_s: How far the camera's clock is behind the recorder's.
-    """
-
-    def header(time_s: float, frame: str, late: float = 0.0) -> Any:
-        at = round((EPOCH_S + time_s - late) * 1e9)
-        return make("std_msgs/Header", make("builtin_interfaces/Time", *divmod(at, 10**9)), frame)
-
-    messages: list[tuple[float, str, str, Any]] = []
-    still = make("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0)
-    for time_s in np.arange(0, seconds, 1 / 37).tolist():
-        pose = make(
-            "geometry_msgs/Pose", make("geometry_msgs/Point", *position(time_s).tolist()), still
-        )
-        zero = make("geometry_msgs/Vector3", 0.0, 0.0, 0.0)
-        speed = make("geometry_msgs/Vector3", 0.5, 0.0, 0.0)
-        message = make(
-            "nav_msgs/Odometry",
-            header(time_s, "odom"),
-            "base_link",
-            make("geometry_msgs/PoseWithCovariance", pose, np.zeros(36)),
-            make(
-                "geometry_msgs/TwistWithCovariance",
-                make("geometry_msgs/Twist", speed, zero),
-                np.zeros(36),
-            ),
-        )
-        messages.append((time_s, "/utlidar/robot_odom", "nav_msgs/Odometry", message))
-    k = np.array([FOCAL_PX, 0, (WIDTH - 1) / 2, 0, FOCAL_PX, (HEIGHT - 1) / 2, 0, 0, 1])
-    info = make(
-        "sensor_msgs/CameraInfo",
-        header=header(0, "optical", behind_s),
-        height=HEIGHT,
-        width=WIDTH,
-        distortion_model="plumb_bob",
-        d=np.zeros(5),
-        k=k,
-        r=np.eye(3).ravel(),
-        p=np.zeros(12),
-        binning_x=0,
-        binning_y=0,
-        roi=make("sensor_msgs/RegionOfInterest", 0, 0, 0, 0, False),
-    )
-    messages.append((0.0, "/camera/camera/color/camera_info", "sensor_msgs/CameraInfo", info))
-    for time_s in np.arange(0, seconds, 1 / 15).tolist():
-        if hole is None or not hole[0] < time_s < hole[1]:
-            grey = np.full((HEIGHT, WIDTH, 3), round(40 * time_s) % 256, np.uint8)
-            size = HEIGHT, WIDTH, "bgr8", 0, 3 * WIDTH
-            image = make(
-                "sensor_msgs/Image", header(time_s, "optical", behind_s), *size, grey.ravel()
-            )
-            messages.append((time_s, "/camera/camera/color/image_raw", "sensor_msgs/Image", image))
-    topic = "/camera/camera/aligned_depth_to_color/image_raw"
-    for time_s in np.arange(0, seconds, 1 / 11).tolist() if depth else ():
-        metres, head = 1 + time_s / 4, header(time_s, "optical", behind_s)
-        if depth == "compressedDepth":
-            png = cv2.imencode(".png", np.full((HEIGHT, WIDTH), round(1000 * metres), np.uint16))[1]
-            data = np.concatenate([np.zeros(12, np.uint8), png.ravel()])
-            kind = "sensor_msgs/CompressedImage"
-            image = make(kind, head, "16UC1; compressedDepth png", data)
-        else:
-            whole = depth == "16UC1"
-            value = round(1000 * metres) if whole else metres
-            pixels = np.full((HEIGHT, WIDTH), value, np.uint16 if whole else np.float32)
-            kind = "sensor_msgs/Image"
-            size = HEIGHT, WIDTH, depth, 0, pixels.itemsize * WIDTH
-            image = make(kind, head, *size, pixels.reshape(-1).view(np.uint8))
-        messages.append((time_s, topic, kind, image))
-    for time_s in np.arange(0, seconds, 1 / 50).tolist():
-        joints = np.array([time_s, -time_s])
-        message = make(
-            "sensor_msgs/JointState",
-            header(time_s, ""),
-            ["a", "b"],
-            joints,
-            joints * 0 + 1,
-            np.empty(0),
-        )
-        messages.append((time_s, "/lowstate/joints", "sensor_msgs/JointState", message))
-    for number, time_s in enumerate(np.arange(0, seconds, 1 / 7).tolist()):
-        linear = make("geometry_msgs/Vector3", 0.1 * number, 0.0, 0.0)
-        zero = make("geometry_msgs/Vector3", 0.0, 0.0, 0.0)
-        message = make("geometry_msgs/Twist", linear, zero)
-        messages.append((time_s, "/api/cmd_vel", "geometry_msgs/Twist", message))
-    mount = make(
-        "geometry_msgs/TransformStamped",
-        header(0, "base_link"),
-        "optical",
-        make(
-            "geometry_msgs/Transform",
-            make("geometry_msgs/Vector3", 0.3, 0.0, 0.1),
-            make("geometry_msgs/Quaternion", -0.5, 0.5, -0.5, 0.5),
-        ),
-    )
-    static = make("tf2_msgs/TFMessage", [mount])
-    messages.append((0.0, "/tf_static", "tf2_msgs/TFMessage", static))
-    with Writer(path, version=8, storage_plugin=storage) as writer:
-        connections = {}
-        for time_s, topic, kind, message in sorted(messages, key=lambda m: m[0]):
-            full = kind.replace("/", "/msg/")
-            if topic not in connections:
-                connections[topic] = writer.add_connection(topic, full, typestore=STORE)
-            at = round((EPOCH_S + time_s) * 1e9)
-            writer.write(connections[topic], at, STORE.serialize_cdr(message, full))
-
-
-def topic_map(root: Path, text: str = TOPICS) -> Path:
-    path = root / "topics.yaml"
-    path.write_text(text)
-    return path
-
 
 def convert(bag: Path, folder: Path, rate: int = 4) -> list[dict[str, Any]]:
     """Return the rows of each episode of a log."""
     topics = read_topic_map(topic_map(folder.parent))
     tracks, result = read_tracks(bag, topics), []
-    for number, span in enumerate(spans(tracks, topics)):
+    for number, span in enumerate(spans(bag, tracks, topics)):
         out = folder / f"{number}"
         unit_from_log(
             bag,
@@ -186,7 +41,6 @@ def convert(bag: Path, folder: Path, rate: int = 4) -> list[dict[str, Any]]:
             base_height_m=0.3,
             rate=rate,
             split="train",
-            instruction="",
         )
         unit = read_episode_unit(out)
         images = list(iterate_rgb_video(unit.video("observation.images.rgb")))
@@ -235,10 +89,10 @@ def test_the_floor_of_a_log_is_level_where_a_gait_bobs_and_follows_stairs(tmp_pa
     climbed_m = np.interp(time_s, [8.0, 14.0], [0.0, 1.5])
     bob_m = 0.025 * np.sin(2 * np.pi * 3.3 * time_s) - 0.02
     tracks.odometry.values[:, 2] += climbed_m + np.where(time_s > 2.0, bob_m, 0.0)
-    (span,) = spans(tracks, topics)
+    (span,) = spans(tmp_path, tracks, topics)
     walk = rollout_of_span(
         tracks, topics, span, robot="dog", joint_names=(), base_height_m=0.25, rate=4, name="a",
-        split="train", instruction="",
+        split="train",
     )  # fmt: skip
     at_s = walk.time_s + span.start_s
     climbed_m = np.interp(at_s, [8.0, 14.0], [0.0, 1.5])
@@ -259,7 +113,7 @@ def test_a_walk_comes_back(tmp_path: Path) -> None:
     ros2_from_unit(made.folder, tmp_path / "walk")
     topics = TopicMap()
     tracks = read_tracks(tmp_path / "walk", topics)
-    (span,) = spans(tracks, topics)
+    (span,) = spans(tmp_path, tracks, topics)
     rows = row_arrays(made.rows())
     unit_from_log(
         tmp_path / "walk",
@@ -272,7 +126,6 @@ def test_a_walk_comes_back(tmp_path: Path) -> None:
         base_height_m=float(rows["observation.state"][0, 2]),
         rate=4,
         split="train",
-        instruction=tracks.instruction,
     )
     back = read_episode_unit(tmp_path / "back")
     again = row_arrays(back.rows())

@@ -1,0 +1,82 @@
+"""The calibration of a log's camera, and the ideal camera that its images are turned into."""
+
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.camera import CameraModel
+from ..core.errors import FileFormatError
+
+_MODELS = ("plumb_bob", "rational_polynomial", "")
+_COEFFICIENTS = (0, 4, 5, 8, 12, 14)
+_MOST_PX = 8192
+
+
+def check_same(path: Path, first: Any, info: Any) -> Any:
+    """Return the first CameraInfo of a log, after checking that a later one says the same.
+
+    Raises:
+        FileFormatError: If it does not.
+    """
+    if first is not None and _told(first) != _told(info):
+        raise FileFormatError(path, "the calibration changes; valid: one camera, as it was")
+    return first or info
+
+
+def check_calibration(path: Path, info: Any, frame: str) -> None:
+    """Check that a calibration is one, and of the camera whose images have the frame.
+
+    Raises:
+        FileFormatError: If it is not.
+    """
+    width, height, k, d = info.width, info.height, np.reshape(info.k, (3, 3)), info.d
+    if not (min(width, height) >= 2 and max(width, height) <= _MOST_PX):
+        raise FileFormatError(path, f"images of {width} × {height}; valid: 2 to {_MOST_PX} pixels")
+    if width % 2 or height % 2:
+        raise FileFormatError(path, f"images of {width} × {height}; valid: even sizes")
+    if not (np.isfinite(k).all() and np.isfinite(d).all() and k[0, 0] > 0 and k[1, 1] > 0):
+        focal = f"focal lengths {k[0, 0]:g} and {k[1, 1]:g}, distortion {np.round(d, 4).tolist()}"
+        raise FileFormatError(path, f"the camera is not calibrated: {focal}")
+    if info.distortion_model not in _MODELS or len(d) not in _COEFFICIENTS:
+        model = f"distortion model {info.distortion_model!r} with {len(d)} coefficients"
+        raise FileFormatError(path, f"{model}; valid: plumb_bob, rational_polynomial")
+    own = info.header.frame_id
+    if own and frame and own != frame:
+        reason = f"a calibration of {own}, but images of {frame}; valid: one camera"
+        raise FileFormatError(path, reason)
+
+
+def ideal_camera(info: Any) -> CameraModel:
+    """Return the pinhole camera with square pixels that sees what a calibrated one does."""
+    return CameraModel(
+        "ego",
+        info.width,
+        info.height,
+        # Without the noise of the last digits, a simulated camera comes back.
+        round(float(np.rad2deg(2 * np.arctan(0.5 * info.width / info.k[0]))), 9),
+    )
+
+
+class Straightener:
+    """Maps the pixels of a calibrated camera to those of its ideal one."""
+
+    def __init__(self, info: Any):
+        size, camera = (info.width, info.height), ideal_camera(info)
+        k, self._maps = np.reshape(info.k, (3, 3)), None
+        if not np.allclose(k, camera.intrinsics, atol=1e-3) or np.any(info.d):
+            self._maps = cv2.initUndistortRectifyMap(
+                k, np.array(info.d), np.eye(3), camera.intrinsics, size, cv2.CV_32FC1
+            )
+
+    def __call__(self, image: NDArray[Any], interpolation: int) -> NDArray[Any]:
+        """Return an image (H, W, …); pixels that the camera does not see are 0."""
+        if self._maps is None:
+            return image
+        return cv2.remap(image, *self._maps, interpolation)
+
+
+def _told(info: Any) -> tuple[Any, ...]:
+    return info.width, info.height, info.distortion_model, info.k.tobytes(), info.d.tobytes()

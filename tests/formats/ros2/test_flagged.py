@@ -1,0 +1,111 @@
+"""Logs with wrong clocks, leaps and ends: no value moves in time, and the data tells of it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.robot_logs import (
+    COLOR,
+    DEPTH,
+    JOINTS,
+    ODOM,
+    Change,
+    Logged,
+    convert_log,
+    each,
+    log_messages,
+    make,
+    position,
+    shifted,
+    without,
+    write_log,
+    write_messages,
+)
+from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.formats.lerobot.units.rows import row_arrays
+
+pytestmark = pytest.mark.usefixtures("inline")
+
+
+def stuck(message: Any, _: int) -> None:
+    message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+
+CLOCKS: dict[str, tuple[Change, str]] = {
+    "ahead": (each(ODOM, lambda m, k: shifted(m, 5.0 * (k > 40))), "leaps ahead"),
+    "back": (each(ODOM, lambda m, k: shifted(m, -0.4 * (k > 40))), "runs backwards"),
+    "fast": (each(ODOM, lambda m, k: shifted(m, 0.5 * k / 37)), "at another speed"),
+    "none": (each(ODOM, stuck), "stands still"),
+    "colour back": (each(COLOR, lambda m, k: shifted(m, -5.0 * (k > 20))), "runs backwards"),
+    "late": (each(ODOM, lambda m, _: shifted(m, -3600.0)), "3600.000 s behind the recorder's"),
+}
+
+
+@pytest.mark.parametrize("case", CLOCKS)
+def test_a_clock_that_is_wrong_is_told_and_puts_nothing_at_the_wrong_time(
+    tmp_path: Path, case: str
+) -> None:
+    change, doubt = CLOCKS[case]
+    write_messages(tmp_path / "walk", change(log_messages(seconds=4.0)))
+    status, out = convert_log(tmp_path / "walk")
+    assert status == 0
+    dataset = out / "lerobot" / "walk"
+    assert doubt in (dataset / "meta" / "provenance.json").read_text()
+    unit = read_episode_unit(out / "units" / "walk" / "walk-000")
+    times = np.arange(unit.length) / 4
+    seen = row_arrays(unit.rows())["observation.state"][:, :2]
+    np.testing.assert_allclose(seen, np.stack([position(t) for t in times])[:, :2], atol=2e-3)
+
+
+def leap(message: Any, number: int) -> None:
+    message.pose.pose.position.x += 50.0 * (number > 74)
+
+
+def another_text(log: list[Logged]) -> list[Logged]:
+    texts = ((0.0, "First."), (1.0, "First."), (2.0, "Second."))
+    kind = "std_msgs/String"
+    return [*log, *((t, "/instruction", kind, make(kind, text)) for t, text in texts)]
+
+
+CUTS: dict[str, tuple[Change, list[int], list[str]]] = {
+    "lost odometry": (each(ODOM, leap), [8, 8], ["", ""]),
+    "new instruction": (another_text, [9, 8], ["First.", "Second."]),
+    "depth ends": (without(DEPTH, after_s=2.0), [9], [""]),
+    "joints end": (without(JOINTS, after_s=2.0), [9], [""]),
+    "no numbers": (
+        each(ODOM, lambda m, k: k > 74 and setattr(m.pose.pose.position, "x", np.nan)), [9], [""]
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CUTS)
+def test_episodes_end_where_the_log_stops_to_tell(tmp_path: Path, case: str) -> None:
+    change, lengths, texts = CUTS[case]
+    write_messages(tmp_path / "walk", change(log_messages(seconds=4.0)))
+    status, out = convert_log(tmp_path / "walk")
+    assert status == 0
+    units = [read_episode_unit(path) for path in sorted((out / "units" / "walk").iterdir())]
+    assert [unit.task for unit in units] == texts
+    np.testing.assert_allclose([unit.length for unit in units], lengths, atol=1)
+
+
+def test_joints_of_another_publisher_are_left_out_and_told(tmp_path: Path) -> None:
+    log = log_messages(seconds=2.0)
+    for time_s, name, kind, message in log_messages(seconds=2.0):
+        if name == JOINTS:
+            message.name, message.position, message.velocity = ["arm"], np.ones(1), np.ones(1)
+            log.append((time_s - 1e-3 if time_s else 0.0, name, kind, message))
+    write_messages(tmp_path / "walk", log)
+    status, out = convert_log(tmp_path / "walk")
+    assert status == 0
+    (dataset,) = (out / "lerobot").iterdir()
+    assert "other joints left out: ('arm',)" in (dataset / "meta" / "provenance.json").read_text()
+
+
+def test_the_instruction_file_is_a_text(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    write_log(tmp_path / "walk", seconds=2.0)
+    (tmp_path / "text.txt").write_bytes(b"ab\xff")
+    assert convert_log(tmp_path / "walk", "--instruction", str(tmp_path / "text.txt"))[0] == 2
+    assert "text.txt: not a text in UTF-8" in capsys.readouterr().err
