@@ -2,6 +2,7 @@
 
 import argparse
 import ast
+import gc
 import logging
 import os
 import sys
@@ -183,6 +184,7 @@ def _run(arguments: Sequence[str]) -> int:
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
     # GLFW's import starts a process in every worker; the renderer `gl` opens EGL itself.
     os.environ.setdefault("MUJOCO_GL", "disable")
+    gc.set_threshold(10_000)  # most of what imports make lasts
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -29,8 +30,7 @@ class Seen:
     depth: Tensor
 
 
-@dataclass(frozen=True)
-class Read:
+class Read(NamedTuple):
     """Instructions of B episodes.
 
     Attributes:
@@ -87,7 +87,7 @@ class Senses(nn.Module):
     def _grid(features: Tensor, place: Tensor, real: Tensor) -> Tensor:
         """Return maps (N, C, H, W) of the real steps as places (B, T, 16, C + 16), else zeros."""
         pooled = adaptive_avg_pool2d(features, GRID).flatten(2).transpose(1, 2)
-        places = torch.cat([pooled, place.expand(len(pooled), -1, -1).to(pooled.dtype)], -1)
+        places = torch.cat([pooled, place.expand(pooled.shape[0], -1, -1).to(pooled.dtype)], -1)
         result = places.new_zeros((*real.shape, *places.shape[1:]))
         result[real] = places
         return result

@@ -1,6 +1,7 @@
 """Worker processes of this machine."""
 
 import contextlib
+import gc
 import importlib
 import multiprocessing
 import os
@@ -94,6 +95,7 @@ def _import(modules: Sequence[str]) -> None:
 def _lead_and_watch() -> None:
     """Lead a process group, and end it when the parent process has died, even by SIGKILL."""
     os.setpgrp()
+    gc.set_threshold(10_000)  # most of what imports make lasts
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
