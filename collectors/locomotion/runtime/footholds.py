@@ -247,10 +247,14 @@ def _height(tables, level, x):
 def _foothold(tables, level, x):
     """Return where the ground bears a foot, as near to x as possible; x if it does so nowhere.
 
-    Of a sole, which rests on the highest row under it, a share may stand out over an edge.
+    Of a sole, which rests on the highest row under it, a share may stand out over an edge. A foot
+    that lands beyond the scan, as on level ground at speed, stays where it would land there.
     """
     best, chosen = REACH_M, x
     around = max(tables.sole, 1)
+    rows_ahead = (x - tables.first_m) / tables.spacing_m
+    if not around - 0.5 <= rows_ahead <= len(level) - around - 0.5:
+        return x
     for row in range(around, len(level) - around):
         at = tables.first_m + tables.spacing_m * row
         far = abs(at - x)
