@@ -69,6 +69,7 @@ def unit_from_log(
             base_height_m=base_height_m,
             rate=rate,
             name=folder.name,
+            scene=path.stem if path.is_file() else path.name,  # episodes of a log share a place
             split=split,
         )
         view = FrameFolder(

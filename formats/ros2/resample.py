@@ -127,6 +127,7 @@ def rollout_of_span(
     base_height_m: float,
     rate: int,
     name: str,
+    scene: str,
     split: str,
 ) -> Rollout:
     """Return a span as a rollout at `STATE_RATE_HZ`; what the log lacks has no columns.
@@ -136,6 +137,7 @@ def rollout_of_span(
     Args:
         joint_names: The joints to keep, in order.
         base_height_m: Height of the base over the floor at the span's start.
+        scene: What is held out as a whole.
     """
     frames = frame_times(span, rate)
     count = (len(frames) - 1) * (STATE_RATE_HZ // rate) + 1
@@ -158,7 +160,7 @@ def rollout_of_span(
         episode=Episode(
             episode_id=name,
             trajectory_id=name,
-            scene_id=name,
+            scene_id=scene,
             split=split,
             level=0,
             start_position_world_m=floor,

@@ -14,7 +14,7 @@ from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.ros2_unit import unit_from_log
 from vlnpe.formats.convert.unit_ros2 import ros2_from_unit
 from vlnpe.formats.core.errors import FileFormatError
-from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.formats.lerobot import EpisodeUnit, read_episode_unit
 from vlnpe.formats.lerobot.episode_columns import camera_of
 from vlnpe.formats.lerobot.units.rows import row_arrays
 from vlnpe.formats.ros2.resample import rollout_of_span, spans
@@ -43,11 +43,14 @@ def convert(bag: Path, folder: Path, rate: int = 4) -> list[dict[str, Any]]:
             split="train",
         )
         unit = read_episode_unit(out)
-        images = list(iterate_rgb_video(unit.video("observation.images.rgb")))
         depths = list(unit.depth_m(range(unit.length)))
         rows = row_arrays(unit.rows())
-        result.append({**rows, "rgb": images, "depth": depths, "span": span, "unit": unit})
+        result.append({**rows, "rgb": frames(unit), "depth": depths, "span": span, "unit": unit})
     return result
+
+
+def frames(unit: EpisodeUnit) -> list[np.ndarray]:
+    return list(iterate_rgb_video(unit.video("observation.images.rgb")))
 
 
 @pytest.mark.parametrize("storage", [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
@@ -91,8 +94,8 @@ def test_the_floor_of_a_log_is_level_where_a_gait_bobs_and_follows_stairs(tmp_pa
     tracks.odometry.values[:, 2] += climbed_m + np.where(time_s > 2.0, bob_m, 0.0)
     (span,) = spans(tmp_path, tracks, topics)
     walk = rollout_of_span(
-        tracks, topics, span, robot="dog", joint_names=(), base_height_m=0.25, rate=4, name="a",
-        split="train",
+        tracks, topics, span, robot="dog", joint_names=(), base_height_m=0.25, rate=4,
+        name="a", scene="b", split="train",
     )  # fmt: skip
     at_s = walk.time_s + span.start_s
     climbed_m = np.interp(at_s, [8.0, 14.0], [0.0, 1.5])
@@ -136,6 +139,8 @@ def test_a_walk_comes_back(tmp_path: Path) -> None:
         np.testing.assert_allclose(again[key], rows[key], atol=3e-6)
     for a, b in zip(back.depth_m(range(13)), made.depth_m(range(13)), strict=True):
         np.testing.assert_array_equal(a, b)
+    for a, b in zip(frames(back), frames(made), strict=True):
+        assert np.abs(a.astype(int) - b).mean() < 3  # compressed twice more
 
 
 @pytest.mark.parametrize("kept", [0.0, 0.5, 0.95])
@@ -177,3 +182,8 @@ def test_the_command_writes_a_dataset(tmp_path: Path) -> None:
     assert cli.main(command) == 0
     opened = open_dataset(tmp_path / "out" / "lerobot" / "log")
     assert len(opened.episodes) == 2
+    units = sorted((tmp_path / "out" / "units" / "log").iterdir())
+    first, second = (read_episode_unit(unit) for unit in units)
+    # Held out together, for they were recorded in one place.
+    assert first.columns["scene_id"] == second.columns["scene_id"] == "log"
+    assert first.task == second.task == "Walk straight on."
