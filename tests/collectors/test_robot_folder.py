@@ -80,7 +80,7 @@ def test_ours_as_a_folder_move_bit_for_bit_the_same(
     assert same(ours, replace(theirs, robot=name, facts=facts))
 
 
-@pytest.mark.parametrize("name", list(ROBOTS))
+@pytest.mark.parametrize("name", [*ROBOTS, "go2"])
 def test_ours_as_a_folder_compile_to_the_last_digit(tmp_path: Path, name: str):
     robot = get_robot(name)
     files = policy_files(robot) if robot.policy_joints else None
@@ -98,6 +98,7 @@ def test_ours_as_a_folder_compile_to_the_last_digit(tmp_path: Path, name: str):
     assert again.fall == robot.fall
     assert again.command_limits == robot.command_limits
     assert again.drive == robot.drive
+    assert again.rhythm == robot.rhythm
     assert again.physics_hash() == robot.physics_hash()
 
 

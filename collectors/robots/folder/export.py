@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -37,8 +38,14 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
             f"{out}: the folder's name becomes the robot's; valid: letters, digits, - and _"
         )
     with atomic_folder(out) as folder:
-        (folder / MODEL_NAME).write_text(exact_mjcf(robot.spec()))
-        (folder / FACTS_NAME).write_text(facts_text(robot, out.name))
+        if robot.folder is not None:
+            shutil.copytree(robot.folder, folder, dirs_exist_ok=True)
+            facts = (folder / FACTS_NAME).read_text()
+            named = re.sub(r"(?m)^name\s*=.*$", f"name = {json.dumps(out.name)}", facts, count=1)
+            (folder / FACTS_NAME).write_text(named)
+        else:
+            (folder / MODEL_NAME).write_text(exact_mjcf(robot.spec()))
+            (folder / FACTS_NAME).write_text(facts_text(robot, out.name))
         if policy is not None:
             shutil.copyfile(policy[0], folder / f"policy{policy[0].suffix}")
             card = json.loads(policy[1].read_text())
