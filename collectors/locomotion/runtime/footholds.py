@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....formats.core.arrays import I64, Array, Mask
-from ....formats.process.kernel import called, kernel
+from ....formats.process.kernel import called
 from .gait import RATE_HZ
 
 FLAT_M = 0.03  # neighbours of a foothold differ by less
@@ -89,7 +89,7 @@ class Footholds(NamedTuple):
         )
 
 
-@kernel()
+@called()
 def place_feet(tables, gait, footholds, scan, clock, command):
     """Choose footholds and write the joint offsets that lead there.
 
@@ -175,7 +175,7 @@ def place_feet(tables, gait, footholds, scan, clock, command):
         ready[n] = True
 
 
-@kernel()
+@called()
 def see_ground(tables, footholds, scan, body, seen):
     """Write what N robots see of the ground, and their bodies as if it were level.
 
