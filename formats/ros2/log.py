@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from backports.zstd import ZstdError  # rosbags reads chunks with it
+from rosbags.interfaces import Connection
 from rosbags.rosbag2 import Reader
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.serde import SerdeError
@@ -44,9 +45,8 @@ def messages(
         with Reader(path) as reader:
             found = {c.topic: c.msgtype for c in reader.connections if c.msgcount}
             _check_topics(path, found, kinds, required)
-            chosen = [c for c in reader.connections if c.topic in kinds]
-            expected = sum(c.msgcount for c in chosen)
-            count = 0
+            expected = sum(c.msgcount for c in reader.connections if c.topic in kinds)
+            chosen, count = [c for c in _stored(reader) if c.topic in kinds], 0
             for connection, at, data in reader.messages(chosen, start, stop) if chosen else ():
                 count += 1
                 yield connection.topic, connection.msgtype, at, bytes(data)
@@ -59,6 +59,16 @@ def messages(
         if not (path / _METADATA).is_file():
             reason += "; `ros2 bag reindex` or `mcap recover` mends what a recorder left unfinished"
         raise FileFormatError(path, reason) from error
+
+
+def _stored(reader: Reader) -> list[Connection]:
+    """Return the connections as the storage files have them.
+
+    Those of the metadata may have another quality of service (`ros2 bag convert` writes it nowhere
+    else), and rosbags would find no message of theirs.
+    """
+    storages = getattr(reader.storage, "storages", None)
+    return reader.connections if storages is None else [c for s in storages for c in s.connections]
 
 
 def _check_topics(

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from tests.support.robot_logs import (
     COLOR,
@@ -27,6 +28,22 @@ from vlnpe.formats.lerobot import read_episode_unit
 from vlnpe.formats.lerobot.units.rows import row_arrays
 
 pytestmark = pytest.mark.usefixtures("inline")
+
+
+def test_the_quality_of_service_may_stand_in_the_metadata_alone(tmp_path: Path) -> None:
+    """As `ros2 bag convert` leaves it."""
+    write_log(tmp_path / "walk", seconds=2.0)
+    metadata = tmp_path / "walk" / "metadata.yaml"
+    with_it = yaml.safe_load(metadata.read_text())
+    offered = {"history": "keep_last", "depth": 1, "reliability": "best_effort"}
+    forever = {"sec": 0, "nsec": 0}
+    offered |= {"durability": "volatile", "deadline": forever, "lifespan": forever}
+    offered |= {"liveliness": "automatic", "liveliness_lease_duration": forever}
+    offered |= {"avoid_ros_namespace_conventions": False}
+    for topic in with_it["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        topic["topic_metadata"]["offered_qos_profiles"] = [offered]
+    metadata.write_text(yaml.safe_dump(with_it))
+    assert convert_log(tmp_path / "walk")[0] == 0
 
 
 def stuck(message: Any, _: int) -> None:
