@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from ....formats.core.atomic import atomic_file, write_json
@@ -33,7 +34,7 @@ def deployment(robot: RobotSpec, policy: GaitPolicy) -> dict[str, Any]:
 
     All values are JSON values; lengths are in metres, angles in radians unless the key says so.
     """
-    card, bus, camera = policy.card, MOTORS.get(robot.name), robot.camera
+    card, bus = policy.card, MOTORS.get(robot.name)
     late_substeps = card.training.get("anticipation", {}).get("late_substeps", 0)
     limits = robot.command_limits
     return {
@@ -76,13 +77,25 @@ def deployment(robot: RobotSpec, policy: GaitPolicy) -> dict[str, Any]:
             "action_anticipated": 1000.0 * TIMESTEP_S * late_substeps,
             "camera": None,  # not modelled: frames show the instant of their time stamp
         },
-        "camera": {
-            "link": camera.body,
-            "position_m": camera.position_body_m,
-            "pitch_down_deg": camera.pitch_down_deg,
-            "size_px": (camera.model.width_px, camera.model.height_px),
-            "hfov_deg": camera.model.hfov_deg,
-        },
+        "camera": _camera(robot),
+    }
+
+
+def _camera(robot: RobotSpec) -> dict[str, Any]:
+    """Return the camera's mount on the moving link that carries it, through all fixed ones."""
+    model, image = robot.build_model(), robot.camera.model
+    data, camera = mujoco.MjData(model), model.camera(robot.camera.name).id
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    link = model.body_weldid[model.cam_bodyid[camera]]
+    to_link = data.xmat[link].reshape(3, 3).T
+    ahead = to_link @ -data.cam_xmat[camera].reshape(3, 3)[:, 2]
+    return {
+        "link": model.body(link).name,
+        "position_m": (to_link @ (data.cam_xpos[camera] - data.xpos[link])).round(6).tolist(),
+        "pitch_down_deg": round(math.degrees(math.asin(-ahead[2])), 3),
+        "size_px": (image.width_px, image.height_px),
+        "hfov_deg": image.hfov_deg,
     }
 
 

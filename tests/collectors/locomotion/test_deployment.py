@@ -1,6 +1,7 @@
 """The card for deployment, and the loop that runs a gait outside of vlnpe."""
 
 import json
+import math
 import runpy
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,22 @@ def test_a_card_has_the_motors_and_stays_a_policy_card(
     ordered = example["GaitLoop"](path).to_motors(range(len(motors)), unused=-1.0)
     assert [ordered[motor] for motor in motors] == list(range(len(motors)))
     assert (ordered == -1.0).sum() == facts["sdk"]["slots"] - len(motors)
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_the_card_tells_where_on_the_robot_the_camera_is(name: str, cards: Path):
+    camera = json.loads((cards / f"{name}.json").read_text())["deployment"]["camera"]
+    robot = get_robot(name)
+    model = robot.build_model()
+    data, handles = mujoco.MjData(model), RobotHandles.find(robot, model)
+    handles.spawn(data)
+    mujoco.mj_forward(model, data)
+    link = data.body(camera["link"])
+    assert model.body(camera["link"]).jntnum[0] > 0  # it is one of the robot's own
+    place = link.xpos + link.xmat.reshape(3, 3) @ camera["position_m"]
+    np.testing.assert_allclose(place, data.cam(robot.camera.name).xpos, atol=1e-5)
+    forward = -data.cam(robot.camera.name).xmat.reshape(3, 3)[:, 2]  # of a level base
+    assert math.degrees(math.asin(-forward[2])) == pytest.approx(camera["pitch_down_deg"], abs=0.01)
 
 
 def test_motors_are_those_of_unitrees_examples():
