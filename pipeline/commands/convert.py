@@ -10,6 +10,7 @@ from ...formats.internnav.foreign import Assumptions
 from ...formats.ros2.topic_map import TopicMap, read_topic_map
 from ...formats.trainers.registry import LAYOUTS
 from ...formats.trainers.subset import table
+from ...formats.untrusted.documents import read_json_object
 from ...formats.untrusted.files import read_input
 from ...formats.untrusted.limits import limits
 from ...formats.video.codecs import check_rgb_codec
@@ -115,8 +116,20 @@ def _options(options: Convert) -> convert_source.Options:
         options.scan,
         options.every_frame,
         read_topic_map(options.map) if options.map else TopicMap(),
-        _text(options.instruction) if options.instruction else "",
+        *_instructions(options.instruction),
     )
+
+
+def _instructions(path: Path | None) -> tuple[str, tuple[tuple[str, str], ...]]:
+    """Return the text for all logs that have none, and those of single episodes."""
+    if path is None:
+        return "", ()
+    if path.suffix == ".json":
+        texts = read_json_object(path)
+        if not all(isinstance(text, str) for text in texts.values()):
+            raise FileFormatError(path, 'valid: a text for each episode, {"walk-000": "Go past …"}')
+        return "", tuple((name, " ".join(text.split())) for name, text in texts.items())
+    return _text(path), ()
 
 
 def _text(path: Path) -> str:

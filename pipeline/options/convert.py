@@ -62,8 +62,8 @@ class Convert(Running):
     map: Path | None = None
     """ROS 2 input: YAML file that says which topics hold what, if not those that vlnpe writes."""
     instruction: Path | None = None
-    """ROS 2 input: text file with the instruction of bags that have none on a topic; without one,
-    it stays empty, to be written in `vlnpe review`."""
+    """ROS 2 input: text file with the instruction of bags that have none on a topic; or, written
+    after a first conversion, a .json file with texts by episode: {"walk-000": "Go past …"}."""
     split: str = "train"
     """N1 and ROS 2 input: split of the episodes."""
     rgb_codec: str = "h264"

@@ -46,6 +46,7 @@ class Options:
         every_frame: InternData-N1 gets a row per frame instead of one per discrete step.
         topics: What the topics of a robot's log hold.
         instruction: For logs that hold none.
+        texts: Episode of a log and its instruction, whatever the log holds.
     """
 
     licence: str
@@ -55,6 +56,7 @@ class Options:
     every_frame: bool = False
     topics: TopicMap = field(default_factory=TopicMap)
     instruction: str = ""
+    texts: tuple[tuple[str, str], ...] = ()
 
 
 @dataclass(frozen=True)

@@ -145,6 +145,8 @@ def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -
     parts = spans(path, tracks, options.topics)
     for doubt in tracks.doubts:
         log.warning("%s: %s", path.name, doubt)
+    texts, stem = dict(options.texts), log_stem(path)
+    names = [f"{stem}-{number:03d}" for number in range(len(parts))]
     whole_s = float(tracks.color.time_s[-1] - tracks.color.time_s[0])
     used_s = sum(part.stop_s - part.start_s for part in parts)
     if len(parts) > 1 or used_s < _MOST * whole_s:
@@ -154,15 +156,18 @@ def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -
         LogUnitJob(
             path,
             seen,
-            replace(part, instruction=part.instruction or options.instruction),
+            replace(
+                part,
+                instruction=texts.get(episode, part.instruction or options.instruction),
+            ),
             robot,
             joint_names,
             height,
             options,
             name,
-            units / f"{log_stem(path)}-{number:03d}",
+            units / episode,
         )
-        for number, part in enumerate(parts)
+        for episode, part in zip(names, parts, strict=True)
     ]
 
 

@@ -1,12 +1,12 @@
 """What is to be converted, and stage `unit`: each of its episodes as a unit."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from ....formats.convert.dataset import open_dataset
-from ....formats.core.errors import FileFormatError
+from ....formats.core.errors import FileFormatError, check_name
 from ....formats.internnav import layout
 from ....formats.internnav.reader import dataset_folders, find_scenes, is_layout
 from ....formats.lerobot.info import read_info
@@ -98,7 +98,8 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
 
     def add(name: str, episode: str, seen: Any, job: Job) -> None:
         out = units / name / episode
-        inputs = (seen, episode, options)
+        # A log's texts are in its span.
+        inputs = (seen, episode, replace(options, instruction="", texts=()))
         item = work_item(UNIT_STAGE, f"{name}/{episode}", job, (out,), *inputs)
         groups.setdefault(name, []).append(item)
 
@@ -125,6 +126,9 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
             jobs = log_items_of(bag, seen, units / source.name, source.name, options, len(bags) > 1)
             for job in jobs:
                 add(source.name, job.out.name, job.inputs, job)
+        names = [item.name.rsplit("/", 1)[1] for items in groups.values() for item in items]
+        for episode, _ in options.texts:
+            check_name("episode in --instruction", episode, names)
     else:
         scenes = find_scenes(path)
         scans = {scene.scan for scene in scenes}
