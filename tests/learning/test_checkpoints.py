@@ -179,6 +179,28 @@ def test_sampled_actions_follow_the_predicted_probabilities(trained: Path) -> No
     assert set(actions[False]) == {int(expected.argmax())}
 
 
+def test_steps_are_the_same_after_an_episode_of_fewer_words(trained: Path) -> None:
+    rng = np.random.default_rng(0)
+    sights = [
+        Sight(
+            rng.integers(0, 255, (48, 48, 3), np.uint8),
+            rng.random((48, 48), np.float32),
+            number,
+            np.zeros(3),
+        )
+        for number in (-1, 1, 2, 1)
+    ]
+
+    def predictions(stepper: Stepper, text: str) -> torch.Tensor:
+        stepper.begin(text, "e")
+        return torch.stack([stepper.predict(sight)["action"] for sight in sights])
+
+    used, fresh = (Stepper(load_checkpoint(trained)) for _ in range(2))
+    predictions(used, "Go.")
+    text = "Walk past the bed, turn left, and stop."
+    assert torch.equal(predictions(used, text), predictions(fresh, text))
+
+
 def test_a_compact_model_steps_in_one_thread(
     trained: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
