@@ -166,7 +166,8 @@ class _Stairs:
         """(rows, columns) cells of the sheet on which its own obstacles stand, and no others."""
         centers = self.grid.center_of(np.moveaxis(np.indices(self.grid.shape), 0, -1))
         inside = np.any(self.treads.without_edge.holds(centers), axis=0)
-        return binary_dilation(inside, np.ones((3, 3), dtype=bool))
+        # A scanned first riser is a box of 5 cm to a level, which stands out before and above it.
+        return binary_dilation(inside, np.ones((5, 5), dtype=bool))
 
     def cut_out(self, obstacles: Obstacles) -> Obstacles:
         """Return a level's boxes without what stands where the stairs are."""

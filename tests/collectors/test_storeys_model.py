@@ -141,6 +141,16 @@ def test_a_box_over_treads_leaves_no_sliver_beside_them(tmp_path: Path) -> None:
     assert len(size) and size.min() > 0.001
 
 
+def test_the_first_riser_as_a_level_rounds_it_leaves_no_edge_before_it(tmp_path: Path) -> None:
+    bundle = write_two_storeys(tmp_path, cell_m=0.025)
+    riser = Obstacles(np.array([[FOOT_X - 0.025, 2.0, 0.125]]), np.array([[0.022, 0.4, 0.075]]))
+    save_sheet(bundle.level_folder(0), bundle.floor(0), riser, bundle.freemap(0))
+    model = build_storeys_model(bundle, 1, get_robot("aliengo"))
+    boxes = model.geom_bodyid == 0
+    gap = np.abs(model.geom_pos[boxes] - riser.center_m[0]) - model.geom_size[boxes]
+    assert np.count_nonzero(boxes) and (gap.max(axis=1) > 0.0).all()
+
+
 def test_the_joined_floor_chooses_its_sheet_by_height(built: Built) -> None:
     hall, bundle, _ = built
     floor = JoinedFloor.of(bundle, 0)
