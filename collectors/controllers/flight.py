@@ -156,11 +156,18 @@ class FlightExpert:
         self._line.look(pose)
         if self._line.done:
             return Action.STOP
-        error = self._line.error_rad
-        least = (0.75 if self._line.lined_up else 0.5) * TURN_STEP_RAD
-        left = TURN_STEP_RAD if self._last is Action.RIGHT else least
-        right = TURN_STEP_RAD if self._last is Action.LEFT else least
-        self._last = (
-            Action.LEFT if error > left else Action.RIGHT if error < -right else Action.FORWARD
-        )
+        self._last = step_along(self._line, self._last)
         return self._last
+
+
+def step_along(line: FlightLine, last: Action) -> Action:
+    """Return the discrete action along a line from where it was looked at last.
+
+    Args:
+        last: the action before; a turn is not answered by the opposite one.
+    """
+    error = line.error_rad
+    least = (0.75 if line.lined_up else 0.5) * TURN_STEP_RAD
+    left = TURN_STEP_RAD if last is Action.RIGHT else least
+    right = TURN_STEP_RAD if last is Action.LEFT else least
+    return Action.LEFT if error > left else Action.RIGHT if error < -right else Action.FORWARD

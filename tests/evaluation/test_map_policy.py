@@ -11,7 +11,7 @@ from vlnpe.collectors.replay.world import open_world
 from vlnpe.collectors.robots import get_robot
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye
-from vlnpe.evaluation.policies.map_policy.inference import goals_of
+from vlnpe.evaluation.policies.map_policy.inference import parts_of_text
 from vlnpe.evaluation.policies.map_policy.policy import MapPolicy
 from vlnpe.evaluation.policies.map_policy.routes import Routes, next_action, waypoints
 from vlnpe.evaluation.policies.map_policy.seen_map import SeenMap
@@ -111,11 +111,37 @@ def test_routes_lead_around_obstacles() -> None:
     assert steps.shape == (4, 3) and np.hypot(*steps[0, :2]) == pytest.approx(0.3, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("text", "ways", "after"),
+    [
+        ("Leave the kitchen, go up the stairs, turn right and stop by the bed.", "up", "turn stop"),
+        (
+            "Descend the stairs, going left at the landing, then at the bottom, turn right. Stop.",
+            "down",
+            "turn stop",
+        ),
+        ("Go up the stairs and stop.", "up", "stop"),
+        (
+            "Go up the stairs. Enter the hallway, then go down the stairs and stop.",
+            "up down",
+            "stop",
+        ),
+    ],
+)
+def test_a_text_is_split_at_the_stairs_that_it_takes(text: str, ways: str, after: str) -> None:
+    *before, last = parts_of_text(text)
+    assert " ".join(part.way for part in before) == ways and not last.way
+    for part in before:
+        stairs = part.goals[-1]
+        assert stairs.kind == "stop" and stairs.noun is not None and stairs.noun.head == "stairs"
+    assert " ".join(goal.kind for goal in last.goals) == after
+
+
 def test_instructions_are_read_and_nonsense_is_refused() -> None:
-    assert [goal.kind for goal in goals_of(TEXT)] == ["place", "place", "stop"]
-    assert goals_of("Turn left and walk past the bed")[-1].kind == "stop"  # no stop was said
-    *_, stairs = goals_of("Leave the kitchen, go up the stairs, turn right and stop by the bed.")
-    assert stairs.kind == "stop" and stairs.noun is not None and stairs.noun.head == "stairs"
+    (part,) = parts_of_text(TEXT)
+    assert [goal.kind for goal in part.goals] == ["place", "place", "stop"] and not part.way
+    (part,) = parts_of_text("Turn left and walk past the bed")  # no stop was said
+    assert part.goals[-1].kind == "stop"
     policy = MapPolicy()
     with pytest.raises(PolicyError, match="velocity; valid: discrete, waypoints"):
         policy.reset(Assignment("e", "s", TEXT, "h1", "speed", "velocity"))

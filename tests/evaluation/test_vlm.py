@@ -154,8 +154,8 @@ def test_a_model_says_an_instruction_again_and_the_grammar_checks_it() -> None:
     text = "Hang a louie, find where the food is made and halt by where it is cooked."
     with Server(lambda number, request: completion(said[number - 1])).running() as server:
         reader = restated.ModelReader(model_at(server.url, restated.PROMPT))
-        goals = reader(text)
-    assert [goal.kind for goal in goals] == ["turn", "place", "stop"]
+        (part,) = reader(text)
+    assert [goal.kind for goal in part.goals] == ["turn", "place", "stop"]
     assert reader.unclear == 1 and reader.said == said
     assert text in server.requests[0]["messages"][0]["content"]
     with Server(lambda number, request: completion("Dance.")).running() as server:

@@ -1,7 +1,7 @@
 """A text as sub-goals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ....instruction_gen.language.claims import Claim, Step
 
@@ -59,10 +59,21 @@ _PREPS = {
 _VERBS = {"door": "enter", "in": "move"}
 
 
-def sub_goals(steps: Sequence[Step]) -> list[SubGoal]:
-    """Return the sub-goals of a text, the stop last.
+@dataclass(frozen=True)
+class Part:
+    """What a text says of one level.
 
-    The map is that of one level: of a text that takes stairs, they lead to the stairs.
+    Attributes:
+        goals: the stop last; where stairs are taken then, it is at them.
+        way: `up` or `down` the stairs at its end; empty of the last part.
+    """
+
+    goals: tuple[SubGoal, ...]
+    way: str = ""
+
+
+def parts_of(steps: Sequence[Step]) -> tuple[Part, ...]:
+    """Return the parts of a text, one more than it takes stairs.
 
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
@@ -73,13 +84,31 @@ def sub_goals(steps: Sequence[Step]) -> list[SubGoal]:
         raise UnfollowableError("the text never says to stop")
     if any("goes on after the stop" in fault for step in steps for fault in step.faults):
         raise UnfollowableError("the text goes on after the stop")
-    climb = next((k for k, (c, _) in enumerate(claims) if c.kind == "climb"), len(claims))
-    stops = [(replace(c, kind="stop", what="thing", name="stairs", place="at"), words)
-             for c, words in claims[climb : climb + 1]] or stops  # fmt: skip
-    moves = [goal for c, words in claims[:climb] if (goal := _move(c, words)) is not None]
+    parts: list[Part] = []
+    moves: list[SubGoal] = []
+    for step in steps:
+        on_stairs = bool(parts) and not moves and _is_of_stairs(step)
+        for claim in step.claims:
+            if claim.kind == "climb":
+                if moves or not parts or parts[-1].way != claim.way:
+                    noun = Place("object", "stairs", "at", _side(claim))
+                    stairs = SubGoal("stop", step.words, noun=noun, verb="stop")
+                    parts.append(Part((*moves, stairs), claim.way))
+                    moves = []
+            elif not on_stairs and (goal := _move(claim, step.words)) is not None:
+                moves.append(goal)
     named = [SubGoal("stop", words, noun=_place(c), verb="stop") for c, words in stops
              if c.what not in ("", "storey")]  # fmt: skip
-    return [*moves, *(named or [SubGoal("stop", stops[-1][1])])]
+    return (*parts, Part((*moves, *(named or [SubGoal("stop", stops[-1][1])]))))
+
+
+def _is_of_stairs(step: Step) -> bool:
+    """Return whether a step after a climb tells of its landing or its end, not of a level."""
+    return any(
+        (c.name == "landing" and c.kind in ("see", "reach", "in"))
+        or (c.kind == "reach" and c.place in ("top", "bottom", "halfway"))
+        for c in step.claims
+    )
 
 
 def _move(claim: Claim, words: str) -> SubGoal | None:
@@ -97,6 +126,11 @@ def _place(claim: Claim) -> Place:
     kind = {"thing": "object", "room": "room"}.get(claim.what, "door")
     if claim.what == "room" and (claim.place in ("outside", "before") or not claim.name):
         kind = "door" if claim.place else "any"
-    side = claim.side if claim.side in ("left", "right") else ""
     prep = "past" if claim.place == "past" else _PREPS[claim.kind]
-    return Place(kind, "door" if kind == "door" else claim.name, prep, side, max(claim.ordinal, 0))
+    return Place(
+        kind, "door" if kind == "door" else claim.name, prep, _side(claim), max(claim.ordinal, 0)
+    )
+
+
+def _side(claim: Claim) -> str:
+    return claim.side if claim.side in ("left", "right") else ""

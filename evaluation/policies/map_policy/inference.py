@@ -9,7 +9,7 @@ import numpy as np
 from ....formats.core.frames import Array
 from ....instruction_gen.language.reader import read_text
 from ..follower.costs import prefix_costs
-from ..follower.goals import SubGoal, UnfollowableError, sub_goals
+from ..follower.goals import Part, SubGoal, UnfollowableError, parts_of
 from ..follower.ways import Ways, ways_from
 from .frontiers import Frontier, find_frontiers, promise
 from .routes import Routes, bearing
@@ -76,16 +76,16 @@ class _Reading:
         return len(self.costs) - 1
 
 
-def goals_of(text: str) -> list[SubGoal]:
-    """Return the sub-goals of an instruction; one that never says to stop ends with a stop.
+def parts_of_text(text: str) -> Sequence[Part]:
+    """Return the parts of an instruction; one that never says to stop ends with a stop.
 
     Raises:
         UnfollowableError: If it says nothing at all.
     """
     try:
-        return sub_goals(read_text(text))
+        return parts_of(read_text(text))
     except UnfollowableError:
-        return sub_goals(read_text(f"{text.rstrip(' .')}. Stop."))
+        return parts_of(read_text(f"{text.rstrip(' .')}. Stop."))
 
 
 def choose_target(
@@ -95,6 +95,7 @@ def choose_target(
     pose: Array,
     exhausted: Sequence[Array],
     *,
+    begin: Array,
     current: Target | None = None,
     step: int = 0,
     explore: bool = True,
@@ -102,15 +103,16 @@ def choose_target(
 ) -> Target | None:
     """Return where the instruction leads on the map seen so far.
 
-    The whole instruction is read from the start pose on, as `policies.follower` does on a
-    complete map. If it fits a way well, the way's end is the target. Otherwise a frontier is,
-    by a score of distance, of how much of the instruction leads there, and of how well what is
-    seen around it fits the next sub-goal.
+    All that it says of a level is read from the first pose there on, as `policies.follower` does on
+    a complete map. If it fits a way well, the way's end is the target. Otherwise a frontier is, by
+    a score of distance, of how much of the instruction leads there, and of how well what is seen
+    around it fits the next sub-goal.
 
     Args:
         routes: ways from where the robot stands.
         pose: (3,) x, y [m], yaw [rad] of the robot.
         exhausted: points (2,) of frontiers that showed nothing new.
+        begin: (3,) pose at which the robot came to the level.
         current: where the robot is going.
         step: number of actions taken so far.
         explore: whether frontiers may be chosen.
@@ -124,7 +126,7 @@ def choose_target(
         return None
     readings = [
         _Reading(ways, prefix_costs(goals, ways, world), weights.detour * (number > 0))
-        for number, ways in enumerate(ways_from(world, np.zeros(2), 0.0))
+        for number, ways in enumerate(ways_from(world, begin[:2], float(begin[2])))
     ]
     end = _best_end(readings, len(goals), weights)
     if end is not None and end[1] <= weights.good + weights.patience * step:

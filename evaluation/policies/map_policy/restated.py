@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from ....instruction_gen.language.reader import read_text
-from ..follower.goals import SubGoal, UnfollowableError, sub_goals
+from ..follower.goals import Part, UnfollowableError, parts_of
 from ..llm.ask import TextModel
 
 PROMPT = "restate.txt"
@@ -26,17 +26,17 @@ class ModelReader:
         """The answers to the last instruction."""
         return self._model.said
 
-    def __call__(self, text: str) -> Sequence[SubGoal]:
-        """Return the sub-goals of an instruction."""
+    def __call__(self, text: str) -> Sequence[Part]:
+        """Return the parts of an instruction."""
         self._model.restart()
-        return self._model.ask(self._model.prompt(text), _goals)
+        return self._model.ask(self._model.prompt(text), _parts)
 
 
-def _goals(answer: str) -> Sequence[SubGoal]:
+def _parts(answer: str) -> Sequence[Part]:
     steps = read_text(answer)
     try:
         if odd := [word for step in steps for word in (*step.unchecked, *step.faults)]:
             raise UnfollowableError(f"words that fit no form: {', '.join(odd)}")
-        return sub_goals(steps)
+        return parts_of(steps)
     except UnfollowableError as error:
         raise ValueError(f"{answer!r:.120}: {error}") from error

@@ -8,20 +8,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing
+from scipy.ndimage import binary_closing, binary_dilation
 
 from ....formats.core.frames import Array
 from ....formats.scene.bundle import LabeledObject
 from ....formats.scene.freemap import Freemap
 from ....formats.scene.grid import GridSpec
 from ...observation import Lens
+from .heights import CELL_M, Heights, Mask
 
-Mask = NDArray[np.bool_]
-
-CELL_M = 0.1
 HALF_M = 25.0  # the map reaches so far from the start
 FARTHEST_M = 7.0  # depth beyond is not trusted
 _FLOOR_M = 0.12  # points lower than this are floor
+_DROP_M = 0.25  # and what lies so far below it is a drop
 _HIGHEST_M = 1.7  # and those above could not be hit
 _OWN_BODY_M = 0.3  # points this close to the base are the robot itself
 _HITS = 2  # points that make an obstacle
@@ -78,15 +77,19 @@ class SeenMap:
     """The map of all that has been seen so far.
 
     Attributes:
+        floor_m: height of this level's floor in the start frame [m]; the map's own heights are
+            above it.
         grid: cells of `CELL_M` about the start.
         floor: (R, C) bool floor was seen, or lies between the robot and the nearest floor seen.
-        hits: (R, C) number of points between floor and head.
+        hits: (R, C) number of points between floor and head, or far below the floor.
         slices: (R, C) uint8, a bit for each height of `_SLICES_M` with a point.
         wall: (R, C) bool labelled wall.
         opening: (R, C) bool labelled door frame: never wall.
         things: by key.
+        heights: of all points.
     """
 
+    floor_m: float = 0.0
     grid: GridSpec = field(
         default_factory=lambda: GridSpec(
             (-HALF_M, -HALF_M), CELL_M, round(2 * HALF_M / CELL_M), round(2 * HALF_M / CELL_M)
@@ -101,6 +104,7 @@ class SeenMap:
         self.slices: NDArray[np.uint8] = np.zeros(self.grid.shape, np.uint8)
         self.wall: Mask = np.zeros(self.grid.shape, bool)
         self.opening: Mask = np.zeros(self.grid.shape, bool)
+        self.heights = Heights(self.grid)
 
     @property
     def obstacle(self) -> Mask:
@@ -135,14 +139,16 @@ class SeenMap:
             depth_m: (H, W) planar z [m], 0 = nothing.
             base_xy_m: (2,) where the robot stands [m].
         """
-        points = _points(depth_m, lens)
+        points = _points(depth_m, lens) - (0.0, 0.0, self.floor_m)
         z = points[..., 2]
         away = np.linalg.norm(points[..., :2] - base_xy_m, axis=-1)
         valid = np.isfinite(z) & (away > _OWN_BODY_M)
         floor = valid & (np.abs(z) < _FLOOR_M)
         self._mark(self.floor, points[floor])
         self._near_floor(points[floor], away[floor], base_xy_m)
-        solid = valid & (z >= _FLOOR_M) & (z < _HIGHEST_M)
+        self.heights.add(points[valid & ~_seen_from_below(points)])
+        # What lies lower is no floor to walk on either.
+        solid = valid & (((z >= _FLOOR_M) & (z < _HIGHEST_M)) | (z < -_DROP_M))
         cells = self._cells(points[solid])
         np.add.at(self.hits, (cells[:, 0], cells[:, 1]), 1)
         for bit, (bottom, top) in enumerate(_SLICES_M):
@@ -252,6 +258,14 @@ def _connected(away_m: Array) -> NDArray[np.int64]:
     return order[part == part[len(part) // 2]] if len(part) else order
 
 
+def _seen_from_below(points: Array) -> Mask:
+    """Return (h, w) where points (h, w, 3) lie on a surface that faces down."""
+    right, down = np.diff(points, axis=1)[:-1], np.diff(points, axis=0)[:, :-1]
+    away = np.cross(right, down)  # from the camera
+    steep = away[..., 2] > 0.7 * np.linalg.norm(away, axis=-1)
+    return np.asarray(binary_dilation(np.pad(steep, ((0, 1), (0, 1))), np.ones((3, 3))))
+
+
 def _points(depth_m: NDArray[np.float32], lens: Lens) -> Array:
     """Return points (h, w, 3) [m] of every `_STRIDE`-th pixel; NaN where depth is not trusted."""
     z = depth_m[::_STRIDE, ::_STRIDE].astype(np.float64)
@@ -261,3 +275,10 @@ def _points(depth_m: NDArray[np.float32], lens: Lens) -> Array:
     x = (columns - k[0, 2]) / k[0, 0] * z
     y = (rows - k[1, 2]) / k[1, 1] * z
     return np.stack([x, y, z], axis=-1) @ lens.rotation.T + lens.position_m
+
+
+def behind_walls(seen: SeenMap, from_m: Array, to_m: Array) -> Mask:
+    """Return whether (N,) a wall stands between points (N, 2) and (N, 2) [m]."""
+    share = np.linspace(0.0, 0.9, 10)[:, None, None]
+    cells = seen.grid.cell_of(from_m + share * (to_m - from_m))
+    return np.asarray(seen.walls[cells[..., 0], cells[..., 1]].any(axis=0))
