@@ -1,7 +1,7 @@
 """When the messages of a topic were measured: their own clock against the recorder's."""
 
 from array import array
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -59,35 +59,63 @@ class Stamped:
         self.log_ns.append(log_ns)
         self.values.extend(values)
 
-    def track(self, name: str, start_ns: int, doubts: list[str]) -> Track | None:
-        """Return the values by time, if there are any; what was adjusted is added to `doubts`."""
-        stamps, logs = np.array(self.stamp_ns, np.int64), np.array(self.log_ns, np.int64)
-        if self.skipped:
-            many = f"{self.skipped} of {self.skipped + len(stamps)} messages"
+
+def tracks_by_time(
+    topics: Mapping[str, Stamped], start_ns: int, doubts: list[str]
+) -> dict[str, Track]:
+    """Return the values of each topic that has any, by the recorder's clock.
+
+    Topics on one other clock are shifted as one, by the least of their median latencies: how they
+    lie to each other is known, and how long the quickest took is not.
+
+    Args:
+        start_ns: From where times count, by the recorder's clock [ns].
+        doubts: What was adjusted is added here.
+    """
+    times_ns, late_s = dict[str, NDArray[np.int64]](), dict[str, float]()
+    for name, topic in topics.items():
+        stamps, logs = np.array(topic.stamp_ns, np.int64), np.array(topic.log_ns, np.int64)
+        if topic.skipped:
+            many = f"{topic.skipped} of {topic.skipped + len(stamps)} messages"
             doubts.append(f"{name}: {many} do not hold what they should; left out")
         if not len(stamps):
-            return None
-        time_s = (_measured(name, stamps, logs, doubts) - start_ns) / NANOSECONDS
-        time_s, first = np.unique(time_s, return_index=True)
-        return Track(time_s, np.array(self.values).reshape(len(stamps), -1)[first])
+            continue
+        late = float(np.median(logs - stamps)) / NANOSECONDS
+        times_ns[name] = stamps
+        if len(stamps) < 2:
+            times_ns[name] = stamps if abs(late) <= OTHER_CLOCK_S else logs
+        elif fault := _fault(stamps, logs):
+            doubts.append(f"{name}: its clock {fault}; the recorder's times are used")
+            times_ns[name] = logs
+        elif (stamps != logs).any():
+            late_s[name] = late
+    for names in _clocks(late_s):
+        near = any(abs(late_s[name]) <= OTHER_CLOCK_S for name in names)
+        shift_s = 0.0 if near else late_s[names[0]]
+        if shift_s:
+            told = f"clock {shift_s:.3f} s behind the recorder's; shifted"
+            doubts.append(f"{', '.join(names)}: {told}")
+        for name in names:
+            times_ns[name] = times_ns[name] + round(shift_s * NANOSECONDS)
+            if abs(late := late_s[name] - shift_s) > _LATE_S:
+                doubts.append(f"{name}: recorded {late:.3f} s after its stamps, which are believed")
+    result = {}
+    for name, times in times_ns.items():
+        time_s, first = np.unique((times - start_ns) / NANOSECONDS, return_index=True)
+        values = np.array(topics[name].values).reshape(len(times), -1)
+        result[name] = Track(time_s, values[first])
+    return result
 
 
-def _measured(
-    name: str, stamps: NDArray[np.int64], logs: NDArray[np.int64], doubts: list[str]
-) -> NDArray[np.int64]:
-    """Return the times [ns] by the recorder's clock at which messages were measured."""
-    late_s = float(np.median(logs - stamps)) / NANOSECONDS
-    if len(stamps) < 2:
-        return stamps if abs(late_s) <= OTHER_CLOCK_S else logs
-    if fault := _fault(stamps, logs):
-        doubts.append(f"{name}: its clock {fault}; the recorder's times are used")
-        return logs
-    if abs(late_s) > OTHER_CLOCK_S:
-        doubts.append(f"{name}: its clock is {late_s:.3f} s behind the recorder's; shifted")
-        return stamps + round(late_s * NANOSECONDS)
-    if abs(late_s) > _LATE_S:
-        doubts.append(f"{name}: recorded {late_s:.3f} s after its stamps, which are believed")
-    return stamps
+def _clocks(late_s: Mapping[str, float]) -> list[list[str]]:
+    """Return the topics of each clock, by the seconds that they are behind, least first."""
+    clocks: list[list[str]] = []
+    for name in sorted(late_s, key=late_s.__getitem__):
+        if clocks and late_s[name] - late_s[clocks[-1][0]] <= OTHER_CLOCK_S:
+            clocks[-1].append(name)
+        else:
+            clocks.append([name])
+    return clocks
 
 
 def _fault(stamps: NDArray[np.int64], logs: NDArray[np.int64]) -> str:

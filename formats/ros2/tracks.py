@@ -10,7 +10,7 @@ import numpy as np
 from ..core.errors import FileFormatError, one_line
 from .bag import NANOSECONDS, STORE
 from .calibration import check_calibration, check_same
-from .clocks import Stamped, Track
+from .clocks import Stamped, Track, tracks_by_time
 from .log import BAG_ERRORS, header_stamp, messages
 from .topic_map import KINDS, TopicMap
 
@@ -161,28 +161,26 @@ class _Log:
         for others in self._joints:
             doubts.append(f"{topics.joints}: messages with other joints left out: {others[:3]} …")
 
-        def track(topic: str) -> Track | None:
-            stamped = self._read.get(topic)
-            return stamped.track(topic, self._start_ns, doubts) if stamped else None
-
-        odometry, color = track(topics.odometry), track(topics.color)
-        if odometry is None or color is None:
+        edges = {child: f"transform to {child}" for child in self._edges}
+        moves = {name: self._edges[child][1] for child, name in edges.items()}
+        found = tracks_by_time(self._read | moves, self._start_ns, doubts)
+        if topics.odometry not in found:
             raise FileFormatError(self._path, f"{topics.odometry}: no message holds a pose")
-        frames = {}
-        for child, (parent, edge) in self._edges.items():
-            if placed := edge.track(f"transform to {child}", self._start_ns, doubts):
-                frames[child] = parent, placed
         return Tracks(
             start_ns=self._start_ns,
-            odometry=odometry,
+            odometry=found[topics.odometry],
             joint_names=joints,
-            joints=track(topics.joints),
-            command=track(topics.command),
-            imu=track(topics.imu),
-            color=color,
-            depth=track(topics.depth),
+            joints=found.get(topics.joints),
+            command=found.get(topics.command),
+            imu=found.get(topics.imu),
+            color=found[topics.color],
+            depth=found.get(topics.depth),
             camera_info=self._camera_info,
-            frames=frames,
+            frames={
+                child: (self._edges[child][0], found[name])
+                for child, name in edges.items()
+                if name in found
+            },
             color_frame=color_frame,
             instructions=tuple(
                 ((at - self._start_ns) / NANOSECONDS, text) for at, text in self._texts

@@ -1,5 +1,6 @@
 """Logs of a robot, as bags that `rosbags` writes."""
 
+import copy
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -200,3 +201,14 @@ def shifted(message: Any, seconds: float) -> None:
     stamp = message.header.stamp
     at = stamp.sec * 10**9 + stamp.nanosec + round(seconds * 1e9)
     stamp.sec, stamp.nanosec = divmod(at, 10**9)
+
+
+def moving_mount(log: list[Logged]) -> list[Logged]:
+    """Tell the camera's place again and again, as of a head that may turn."""
+    (mounted,) = (m for _, n, _, m in log if n == "/tf_static")
+    moving: list[Logged] = []
+    for time_s in np.arange(0, max(m[0] for m in log), 0.02).tolist():
+        message = copy.deepcopy(mounted)
+        shifted(message.transforms[0], time_s)
+        moving.append((time_s, "/tf", "tf2_msgs/TFMessage", message))
+    return [*(m for m in log if m[1] != "/tf_static"), *moving]

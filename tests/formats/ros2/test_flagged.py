@@ -18,14 +18,18 @@ from tests.support.robot_logs import (
     each,
     log_messages,
     make,
+    moving_mount,
     position,
     shifted,
+    topic_map,
     without,
     write_log,
     write_messages,
 )
 from vlnpe.formats.lerobot import read_episode_unit
 from vlnpe.formats.lerobot.units.rows import row_arrays
+from vlnpe.formats.ros2.topic_map import read_topic_map
+from vlnpe.formats.ros2.tracks import Tracks, read_tracks
 
 pytestmark = pytest.mark.usefixtures("inline")
 
@@ -74,6 +78,32 @@ def test_a_clock_that_is_wrong_is_told_and_puts_nothing_at_the_wrong_time(
     times = np.arange(unit.length) / 4
     seen = row_arrays(unit.rows())["observation.state"][:, :2]
     np.testing.assert_allclose(seen, np.stack([position(t) for t in times])[:, :2], atol=2e-3)
+
+
+def test_topics_on_one_other_clock_keep_their_places_to_each_other(tmp_path: Path) -> None:
+    """Latencies differ, and the robot's clock is an hour behind: it is one shift."""
+    late_s = {ODOM: 0.01, COLOR: 0.25, DEPTH: 0.4, JOINTS: 0.03, "/tf": 0.02}
+    log = moving_mount(log_messages(seconds=3.0))
+    write_messages(tmp_path / "good", log)
+    for _, _, _, message in log:
+        for part in getattr(message, "transforms", [message]):
+            if hasattr(part, "header"):
+                shifted(part, -3600.0)
+    write_messages(tmp_path / "walk", [(t + late_s.get(n, 0.0), n, k, m) for t, n, k, m in log])
+    topics = read_topic_map(topic_map(tmp_path))
+    good, found = (read_tracks(tmp_path / name, topics) for name in ("good", "walk"))
+
+    def times(tracks: Tracks) -> list[np.ndarray]:
+        parts = (tracks.odometry, tracks.color, tracks.depth, tracks.joints)
+        assert all(parts)
+        return [part.time_s for part in (*parts, tracks.frames["optical"][1]) if part]
+
+    for a, b in zip(times(good), times(found), strict=True):
+        np.testing.assert_allclose(b - a, times(found)[0][0] - times(good)[0][0], atol=1e-8)
+    assert abs(times(found)[0][0] - 0.01) < 1e-6 and not good.doubts
+    shifts = [doubt for doubt in found.doubts if "shifted" in doubt]
+    assert len(shifts) == 1 and "3600.010 s behind the recorder's" in shifts[0]
+    assert any(d.startswith(f"{COLOR}: recorded 0.240 s after its stamps") for d in found.doubts)
 
 
 def leap(message: Any, number: int) -> None:

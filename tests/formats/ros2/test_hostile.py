@@ -23,7 +23,7 @@ from tests.support.robot_logs import (
     each,
     log_messages,
     make,
-    shifted,
+    moving_mount,
     without,
     write_log,
     write_messages,
@@ -90,13 +90,7 @@ def second_calibration(log: list[Logged]) -> list[Logged]:
 
 
 def moving_mount_that_stops(log: list[Logged]) -> list[Logged]:
-    (mounted,) = (m for _, n, _, m in log if n == "/tf_static")
-    moving: list[Logged] = []
-    for time_s in np.arange(0, 0.5, 0.02).tolist():
-        message = copy.deepcopy(mounted)
-        shifted(message.transforms[0], time_s)
-        moving.append((time_s, "/tf", "tf2_msgs/TFMessage", message))
-    return [*(m for m in log if m[1] != "/tf_static"), *moving]
+    return [m for m in moving_mount(log) if m[1] != "/tf" or m[0] < 0.5]
 
 
 NOISE = np.random.default_rng(0).integers(0, 255, 500, np.uint8)
