@@ -32,6 +32,7 @@ class LogUnitJob:
 
     Attributes:
         seen: Sizes and times of the bag's files.
+        spans_s: Where all episodes of the bag begin and end; gaps lie between them.
         joint_names: The joints to keep, in order.
         out: Unit folder.
     """
@@ -39,6 +40,7 @@ class LogUnitJob:
     path: Path
     seen: Seen
     span: Span
+    spans_s: tuple[tuple[float, float], ...]
     robot: str
     joint_names: tuple[str, ...]
     base_height_m: float
@@ -78,6 +80,7 @@ class LogUnitJob:
             "missing": ["goal", "reference path", "contacts"]
             + [part for part in parts if getattr(tracks, part) is None]
             + ([] if self.span.instruction else ["instruction"]),
+            "spans_s": self.spans_s,
             "doubts": list(tracks.doubts),
         }
         provenance = {"converted": source_note(Kind.ROS2) | note}
@@ -127,7 +130,7 @@ def log_items_of(
     except FileFormatError as error:
         if not several:
             raise
-        return [UnreadableLogJob(path, seen, error.reason, units / log_stem(path))]
+        return [UnreadableLogJob(path, seen, error.reason, units / _episode(path, 0))]
 
 
 def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -> list[LogUnitJob]:
@@ -145,8 +148,8 @@ def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -
     parts = spans(path, tracks, options.topics)
     for doubt in tracks.doubts:
         log.warning("%s: %s", path.name, doubt)
-    texts, stem = dict(options.texts), log_stem(path)
-    names = [f"{stem}-{number:03d}" for number in range(len(parts))]
+    texts = dict(options.texts)
+    names = [_episode(path, number) for number in range(len(parts))]
     whole_s = float(tracks.color.time_s[-1] - tracks.color.time_s[0])
     used_s = sum(part.stop_s - part.start_s for part in parts)
     if len(parts) > 1 or used_s < _MOST * whole_s:
@@ -160,6 +163,7 @@ def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -
                 part,
                 instruction=texts.get(episode, part.instruction or options.instruction),
             ),
+            tuple((each.start_s, each.stop_s) for each in parts),
             robot,
             joint_names,
             height,
@@ -171,9 +175,27 @@ def log_jobs(path: Path, seen: Seen, units: Path, name: str, options: Options) -
     ]
 
 
-def log_stem(path: Path) -> str:
-    """Return what the episodes of a bag are called after."""
+def check_stems(bags: Sequence[Path]) -> None:
+    """Check that no two bags give their episodes the same names.
+
+    Raises:
+        InputError: If two do.
+    """
+    known: dict[str, Path] = {}
+    for bag in bags:
+        other = known.setdefault(_stem(bag), bag)
+        if other != bag:
+            both = f"episodes of both would be called {_stem(bag)}-000 and on"
+            raise InputError(f"{other}, {bag}: {both}; rename one, or convert them one by one")
+
+
+def _stem(path: Path) -> str:
     return path.stem if path.is_file() else path.name
+
+
+def _episode(path: Path, number: int) -> str:
+    """Return the name of a bag's episode; it tells of one bag alone, see `check_stems`."""
+    return f"{_stem(path)}-{number:03d}"
 
 
 @lru_cache(maxsize=1)

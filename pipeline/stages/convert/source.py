@@ -117,9 +117,10 @@ def unit_items(source: Source, units: Path, options: Options) -> dict[str, list[
             out = units / source.name / episode
             add(source.name, episode, seen, DatasetUnitJob(path, number, out))
     elif source.kind is Kind.ROS2:
-        from .log_job import log_items_of  # needs an extra
+        from .log_job import check_stems, log_items_of  # needs an extra
 
         bags = bag_paths(path)
+        check_stems(bags)
         for bag in bags:
             files = [bag] if bag.is_file() else sorted(bag.iterdir())
             seen = tuple(_seen(files))

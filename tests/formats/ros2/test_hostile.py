@@ -226,6 +226,29 @@ def test_a_recorder_that_was_killed_left_no_metadata(
     assert "`ros2 bag reindex` or `mcap recover`" in capsys.readouterr().err
 
 
+def test_bags_with_one_name_are_named_before_any_is_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bags = tmp_path / "bags"
+    for day in ("mon", "tue"):
+        (bags / day).mkdir(parents=True)
+        write_messages(bags / day / "walk", [])
+    status, out = convert_log(bags)
+    said = capsys.readouterr().err
+    assert status == 2 and f"{bags / 'mon' / 'walk'}, {bags / 'tue' / 'walk'}: " in said
+    assert "rename one" in said and not list(out.glob("*/*"))
+
+
+def test_a_bad_bag_may_be_called_like_an_episode_of_a_good_one(tmp_path: Path) -> None:
+    bags = tmp_path / "bags"
+    bags.mkdir()
+    write_log(bags / "a", seconds=2.0)
+    write_messages(bags / "a-000", [])
+    status, out = convert_log(bags)
+    assert status == 1 and "a-000-000" in (out / "quarantine.json").read_text()
+    assert len(open_dataset(out / "lerobot" / "bags").episodes) == 1
+
+
 def test_one_bad_bag_of_several_is_quarantined(tmp_path: Path) -> None:
     bags = tmp_path / "bags"
     bags.mkdir()

@@ -1,5 +1,6 @@
 """Logs of robots, as bags that `rosbags` writes: resampled, and nothing invented."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -182,6 +183,8 @@ def test_the_command_writes_a_dataset(tmp_path: Path) -> None:
     assert cli.main(command) == 0
     opened = open_dataset(tmp_path / "out" / "lerobot" / "log")
     assert len(opened.episodes) == 2
+    told = json.loads((opened.root / "meta" / "provenance.json").read_text())["converted"]
+    np.testing.assert_allclose(told["spans_s"], [[0.0, 2.5], [4.0, 5.95]], atol=0.1)
     units = sorted((tmp_path / "out" / "units" / "log").iterdir())
     first, second = (read_episode_unit(unit) for unit in units)
     # Held out together, for they were recorded in one place.
