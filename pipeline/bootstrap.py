@@ -72,7 +72,7 @@ def main(kind="", extras="", *further):
     """Bring `.venv` to the state of the lock; exit with what went wrong otherwise."""
     if kind not in SYNC or further:
         sys.exit((__doc__ or "").split("\n\n")[-1].strip())
-    names = sorted(filter(None, extras.replace(" ", "").split(",")))
+    names = sorted(extras.replace(",", " ").split())
     files = (ROOT / "uv.lock", ROOT / "pyproject.toml", Path(__file__))
     state = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     # In the environment, so that whoever deletes it deletes the stamp, too.

@@ -40,10 +40,16 @@ def check_suits(robot: RobotSpec, episodes: Sequence[Episode]) -> None:
         episodes,
         lambda e: bool(e.staircases) and e.climb_height_m < needs_m,
         lambda e: (
-            f"has {e.climb_height_m:g} m free above its stairs, and {name} needs "
+            f"{_free_over_stairs(e)}, and {name} needs "
             f"{needs_m:g} m; valid: {lower} --storeys cross --robot {name})"
         ),
     )
+
+
+def _free_over_stairs(episode: Episode) -> str:
+    if episode.extra.get("climb_height_m"):
+        return f"has {episode.climb_height_m:g} m free above its stairs"
+    return f"does not state the height free above its stairs ({episode.climb_height_m:g} m assumed)"
 
 
 def _refuse(

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from ...collectors.replay.suits import check_suits
+from ...collectors.robots import get_robot
 from ...datasets.mixture.choice import Library, NoEpisodesError, choose_all
 from ...datasets.mixture.comparison import Comparison, Row
 from ...datasets.mixture.recipe import NO_HOLDOUT, Recipe
@@ -59,7 +61,7 @@ class Ablation:
 
 
 def plan_ablation(options: Ablate, recipe: Recipe, recipe_sha256: str) -> Ablation:
-    """Choose the data of every row and the held-out episodes."""
+    """Choose the data of every row and the held-out episodes, which all robots can walk."""
     comparison = _comparison(options, recipe)
     settings = {
         name: value for name in ("seeds", "device") if (value := getattr(options, name)) is not None
@@ -96,6 +98,9 @@ def plan_ablation(options: Ablate, recipe: Recipe, recipe_sha256: str) -> Ablati
     for name, why in missing.items():
         log.warning("row %r is not measured: %s", name, why)
     episodes, scenes = _held_out_episodes(options, holdout, trainings.values())
+    walked = spread(episodes, comparison.walks)
+    for robot in dict.fromkeys(test.robot for test in comparison.tests.values()):
+        check_suits(get_robot(robot), walked)
     seeds = train_config({**recipe.train, **settings}).seeds
     return Ablation(
         recipe,
@@ -103,7 +108,7 @@ def plan_ablation(options: Ablate, recipe: Recipe, recipe_sha256: str) -> Ablati
         trainings,
         missing,
         holdout,
-        spread(episodes, comparison.walks),
+        walked,
         scenes,
         tuple(range(recipe.seed, recipe.seed + seeds)),
     )

@@ -1,10 +1,11 @@
 """Commands for existing data: `convert` between formats, `restore` after LeRobot's tools."""
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from ...formats.convert.restore import restore
-from ...formats.core.errors import FileFormatError, InputError, check_name
+from ...formats.core.errors import FileFormatError, InputError, MissingExtraError, check_name
 from ...formats.core.rollout import STATE_RATE_HZ
 from ...formats.internnav.foreign import Assumptions
 from ...formats.ros2.topic_map import TopicMap, read_topic_map
@@ -55,6 +56,8 @@ def run_convert(options: Convert) -> int:
     if kinds == [target]:
         raise InputError(f"{options.source} already has the format {target}; choose another --to")
     _check_used(options, kinds)
+    if ROS2 in (target, *kinds) and find_spec("rosbags") is None:  # before any episode is read
+        raise MissingExtraError("ROS 2", "ros2")
     with open_context(options.out, options) as context:
         summaries, written = convert.run(context, sources, target, chosen, choice)
     rows = [row for summary in summaries for row in summary.good().values()]

@@ -286,6 +286,11 @@ def test_rewards_of_a_low_robot_lead_under_what_blocks_others(tmp_path) -> None:
     [
         ("h1", {}, "takes stairs, which h1 cannot climb; valid: aliengo"),
         ("vlnce", {"climb_height_m": 0.7}, "0.7 m free above its stairs, and vlnce needs 1.56 m"),
+        (
+            "vlnce",
+            {"climb_height_m": None},
+            r"does not state the height free above its stairs \(0.65 m assumed\)",
+        ),
         ("vlnce", {"free_height_m": 0.7}, "0.7 m free above its path, and vlnce needs 1.56 m"),
     ],
 )

@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ....collectors.controllers import CONTROLLERS, valid_controllers
+from ....collectors.replay.suits import check_suits
+from ....collectors.robots import get_robot
 from ....evaluation.policies.registry import resolve_policy
 from ....evaluation.results import COLUMNS, cell_text, interval_of
 from ....evaluation.rounds import spread
@@ -60,6 +62,9 @@ def run(options: Benchmark) -> int:
     for split, episodes in splits.items():
         evaluated[split] = list(spread(episodes, options.limit or len(episodes)))
         write_episodes(chosen / f"{split}.json.gz", evaluated[split])
+    for robot in dict.fromkeys(cell.robot for cell in cells):  # before any cell walks
+        for episodes in evaluated.values():
+            check_suits(get_robot(robot), episodes)
     code, results = 0, {}
     value: dict[str, Any] = {}
     for cell in cells:
