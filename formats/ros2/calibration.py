@@ -1,5 +1,6 @@
 """The calibration of a log's camera, and the ideal camera that its images are turned into."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,16 @@ def check_calibration(path: Path, info: Any, frame: str) -> None:
     if own and frame and own != frame:
         reason = f"a calibration of {own}, but images of {frame}; valid: one camera"
         raise FileFormatError(path, reason)
+
+
+def of_rectified(info: Any) -> Any:
+    """Return the CameraInfo of images that `image_proc` straightened by a CameraInfo.
+
+    Its projection is theirs; where it holds none, they kept the camera's own intrinsics.
+    """
+    p = np.reshape(info.p, (3, 4))[:, :3]
+    told = np.isfinite(p).all() and p[0, 0] > 0 and p[1, 1] > 0
+    return replace(info, d=np.zeros(0), k=p.ravel() if told else info.k)
 
 
 def ideal_camera(info: Any) -> CameraModel:

@@ -92,3 +92,11 @@ def header_stamp(data: bytes) -> tuple[int, str]:
     order = "<" if data[1] & 1 else ">"
     seconds, nanoseconds, size = struct.unpack_from(f"{order}iII", data, 4)
     return seconds * NANOSECONDS + nanoseconds, data[16 : 16 + size - 1].decode()
+
+
+def stamp_lead_ns(data: bytes, log_ns: int) -> int:
+    """Return how far the stamp of a message that begins with a header is ahead of its log time.
+
+    It is rounded as an array of floats keeps it, so that it can be compared with such a one.
+    """
+    return int(float(header_stamp(data)[0] - log_ns))

@@ -13,7 +13,7 @@ from PIL import Image, UnidentifiedImageError
 from ..core.errors import FileFormatError, one_line
 from .bag import NANOSECONDS, STORE
 from .calibration import Straightener
-from .log import BAG_ERRORS, messages
+from .log import BAG_ERRORS, messages, stamp_lead_ns
 from .topic_map import KINDS
 
 _COLORS = {
@@ -34,16 +34,17 @@ def images(
     """Yield colour (H, W, 3) uint8, or depth (H, W) float32 [m], of the wanted messages.
 
     Args:
-        times_ns: (N,) log time of each image [ns], ascending, repeated where one image serves
-            several frames.
+        times_ns: (N, 2) log time of each image, ascending, and its stamp less that [ns]; repeated
+            where one image serves several frames.
 
     Raises:
         FileFormatError: If an image is damaged or missing.
     """
     straighten, decode, done = Straightener(info), _depth if depth else _color, 0
-    span_ns = int(times_ns[0]), int(times_ns[-1]) + 1
+    span_ns, wanted = (int(times_ns[0, 0]), int(times_ns[-1, 0]) + 1), times_ns.tolist()
     for name, kind, at, data in messages(path, {topic: KINDS["color"]}, span_ns=span_ns):
-        if done == len(times_ns) or at != times_ns[done]:
+        found = [at, stamp_lead_ns(data, at)]
+        if done == len(wanted) or found != wanted[done]:
             continue
         seconds = f"{name}: the image {(at - span_ns[0]) / NANOSECONDS:.2f} s after the first one"
         try:
@@ -51,11 +52,11 @@ def images(
         except (*BAG_ERRORS, cv2.error) as error:
             raise FileFormatError(path, f"{seconds} is damaged: {one_line(error)}") from error
         image = straighten(image, cv2.INTER_NEAREST if depth else cv2.INTER_LINEAR)
-        while done < len(times_ns) and times_ns[done] == at:
+        while done < len(wanted) and found == wanted[done]:
             yield image
             done += 1
-    if done < len(times_ns):
-        raise FileFormatError(path, f"{topic}: {len(times_ns) - done} images are missing")
+    if done < len(wanted):
+        raise FileFormatError(path, f"{topic}: {len(wanted) - done} images are missing")
 
 
 def _color(message: Any, size: tuple[int, int]) -> NDArray[np.uint8]:

@@ -103,13 +103,13 @@ def _leaps(odometry: Track) -> list[tuple[float, float]]:
 def image_times_ns(
     tracks: Tracks, images: Track, times_s: NDArray[np.float64]
 ) -> NDArray[np.int64]:
-    """Return the log time (N,) [ns] of the image that is nearest to each time."""
+    """Return log time, and stamp less that, (N, 2) [ns] of the image nearest to each time."""
     after = np.clip(np.searchsorted(images.time_s, times_s), 1, max(len(images.time_s) - 1, 1))
     before = after - 1
     after = np.minimum(after, len(images.time_s) - 1)
     closer = times_s - images.time_s[before] <= images.time_s[after] - times_s
-    logged = images.values[np.where(closer, before, after), 0]
-    return tracks.start_ns + logged.astype(np.int64)
+    nearest = images.values[np.where(closer, before, after)].astype(np.int64)
+    return nearest + np.array([tracks.start_ns, 0])
 
 
 def frame_times(span: Span, rate: int) -> NDArray[np.float64]:

@@ -9,9 +9,9 @@ import numpy as np
 
 from ..core.errors import FileFormatError, one_line
 from .bag import NANOSECONDS, STORE
-from .calibration import check_calibration, check_same
+from .calibration import check_calibration, check_same, of_rectified
 from .clocks import Stamped, Track, tracks_by_time
-from .log import BAG_ERRORS, header_stamp, messages
+from .log import BAG_ERRORS, header_stamp, messages, stamp_lead_ns
 from .topic_map import KINDS, TopicMap
 
 TRANSFORMS: dict[str, tuple[str, ...]] = dict.fromkeys(
@@ -29,8 +29,9 @@ class Tracks:
         joint_names, joints: Positions, velocities and efforts (3 J), NaN where not reported.
         command: vx, vy [m/s] and yaw rate [rad/s], NaN where it held no numbers.
         imu: Specific force [m/s²] and angular rate [rad/s] (6).
-        color, depth: Log times of the images [ns since the start] (1); None where there are none.
-        camera_info: CameraInfo of all images.
+        color, depth: Log times of the images [ns since the start], and stamps less those [ns] (2);
+            None where there are none.
+        camera_info: CameraInfo of all images, as they are.
         frames: Parent, and position and quat_wxyz (7) in it, by frame; one that does not move has
             one value.
         color_frame: Frame of the images.
@@ -92,11 +93,11 @@ class _Log:
         if topic not in TRANSFORMS and self._start_ns < 0:
             self._start_ns = at
         if topic in (topics.color, topics.depth):
-            stamp, frame = header_stamp(data)
+            (stamp, frame), lead_ns = header_stamp(data), stamp_lead_ns(data, at)
             if frame != self._image_frames.setdefault(topic, frame):
                 frames = f"{topic} holds images of {self._image_frames[topic]} and {frame}"
                 raise FileFormatError(self._path, f"{frames}; valid: one camera")
-            self._stamped(topic).add(stamp, at, [at - self._start_ns])
+            self._stamped(topic).add(stamp, at, [at - self._start_ns, lead_ns])
             return
         message: Any = STORE.deserialize_cdr(data, kind)
         if topic in TRANSFORMS:
@@ -155,6 +156,10 @@ class _Log:
         if topics.depth in self._read and depth_frame != color_frame:
             frames = f"depth in {depth_frame!r}, colour in {color_frame!r}"
             raise FileFormatError(self._path, f"{frames}; valid: depth aligned to colour")
+        camera_info = self._camera_info
+        if "/image_rect" in topics.color and np.any(camera_info.d):
+            camera_info = of_rectified(camera_info)
+            doubts.append(f"{topics.color}: taken as straightened already, as its name says")
         joints = max(self._joints, key=lambda names: len(self._joints[names].values), default=())
         if self._joints:
             self._read[topics.joints] = self._joints.pop(joints)
@@ -175,7 +180,7 @@ class _Log:
             imu=found.get(topics.imu),
             color=found[topics.color],
             depth=found.get(topics.depth),
-            camera_info=self._camera_info,
+            camera_info=camera_info,
             frames={
                 child: (self._edges[child][0], found[name])
                 for child, name in edges.items()

@@ -11,12 +11,13 @@ import pytest
 import trimesh
 
 from tests.collectors.test_replay import make_episode, same
-from tests.support.robot_folders import XML, edit, exported, written_rover
+from tests.support.robot_folders import TOML, XML, edit, exported, written_rover
 from tests.support.scenes.rooms import write_two_rooms
 from vlnpe.collectors.locomotion.runtime.policy import policy_files
 from vlnpe.collectors.replay.replay import ReplayConfig, replay_episode
 from vlnpe.collectors.robots import ROBOTS, RobotHandles, RobotSpec, get_robot
 from vlnpe.collectors.robots.folder.export import export_robot
+from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.core.rollout import EndReason
 from vlnpe.formats.mcap.rollout import read_rollout
 from vlnpe.formats.rendered.folder import read_frame_folder
@@ -100,6 +101,15 @@ def test_ours_as_a_folder_compile_to_the_last_digit(tmp_path: Path, name: str):
     assert again.drive == robot.drive
     assert again.rhythm == robot.rhythm
     assert again.physics_hash() == robot.physics_hash()
+
+
+@pytest.mark.parametrize("line", ['"name" = "rover"', 'name = """\\\nrover"""'])
+def test_a_name_that_is_not_found_is_not_changed_by_halves(tmp_path: Path, line: str):
+    rover = written_rover(tmp_path / "rover")
+    edit(TOML, 'name = "rover"', line)(rover)
+    with pytest.raises(FileFormatError, match=r"robot\.toml: its name is not found"):
+        export_robot(get_robot(str(rover)), tmp_path / "other", None)
+    assert not (tmp_path / "other").exists()
 
 
 def test_every_robot_travels_to_a_worker(dog: Path):

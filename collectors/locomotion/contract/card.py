@@ -93,7 +93,7 @@ def _camera(robot: RobotSpec) -> dict[str, Any]:
     return {
         "link": model.body(link).name,
         "position_m": (to_link @ (data.cam_xpos[camera] - data.xpos[link])).round(6).tolist(),
-        "pitch_down_deg": round(math.degrees(math.asin(-ahead[2])), 3) + 0.0,
+        "pitch_down_deg": round(math.degrees(math.asin(np.clip(-ahead[2], -1.0, 1.0))), 3) + 0.0,
         "size_px": (image.width_px, image.height_px),
         "hfov_deg": image.hfov_deg,
     }

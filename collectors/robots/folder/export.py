@@ -4,6 +4,7 @@ import json
 import math
 import re
 import shutil
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,7 +14,7 @@ import numpy as np
 
 from ....formats.core.arrays import Floats
 from ....formats.core.atomic import atomic_folder, write_json
-from ....formats.core.errors import InputError
+from ....formats.core.errors import FileFormatError, InputError
 from ..spec import RobotSpec
 from .facts import FACTS_NAME, NAME_PATTERN
 from .load import CARD_NAME, load_robot_folder
@@ -32,6 +33,7 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
 
     Raises:
         InputError: the folder's name is not a valid robot name.
+        FileFormatError: robot.toml has the name where it is not found.
     """
     if not NAME_PATTERN.fullmatch(out.name):
         raise InputError(
@@ -40,9 +42,7 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
     with atomic_folder(out) as folder:
         if robot.folder is not None:
             shutil.copytree(robot.folder, folder, dirs_exist_ok=True)
-            facts = (folder / FACTS_NAME).read_text()
-            named = re.sub(r"(?m)^name\s*=.*$", f"name = {json.dumps(out.name)}", facts, count=1)
-            (folder / FACTS_NAME).write_text(named)
+            (folder / FACTS_NAME).write_text(_renamed(robot.folder / FACTS_NAME, out.name))
         else:
             (folder / MODEL_NAME).write_text(exact_mjcf(robot.spec()))
             (folder / FACTS_NAME).write_text(facts_text(robot, out.name))
@@ -51,6 +51,23 @@ def export_robot(robot: RobotSpec, out: Path, policy: tuple[Path, Path] | None) 
             card = json.loads(policy[1].read_text())
             write_json(folder / CARD_NAME, {**card, "robot": out.name})
     return load_robot_folder(out)
+
+
+def _renamed(facts: Path, name: str) -> str:
+    """Return the text of a robot.toml with another name, and all else as it is.
+
+    Raises:
+        FileFormatError: the first line that looks like the name's is not.
+    """
+    text = facts.read_text()
+    changed = re.sub(r"(?m)^name\s*=.*$", f"name = {json.dumps(name)}", text, count=1)
+    try:
+        found = tomllib.loads(changed).get("name")
+    except tomllib.TOMLDecodeError:
+        found = None
+    if found != name:
+        raise FileFormatError(facts, 'its name is not found; valid: a first line `name = "…"`')
+    return changed
 
 
 def facts_text(robot: RobotSpec, name: str) -> str:

@@ -4,12 +4,26 @@ import json
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
 from tests.support.lerobot_data import write_unit
-from tests.support.robot_logs import position, topic_map, write_log
+from tests.support.robot_logs import (
+    COLOR,
+    FOCAL_PX,
+    HEIGHT,
+    INFO,
+    TOPICS,
+    WIDTH,
+    each,
+    log_messages,
+    position,
+    topic_map,
+    write_log,
+    write_messages,
+)
 from tests.support.rollouts import make_rollout
 from vlnpe.formats.convert.dataset import open_dataset
 from vlnpe.formats.convert.ros2_unit import unit_from_log
@@ -18,7 +32,9 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import EpisodeUnit, read_episode_unit
 from vlnpe.formats.lerobot.episode_columns import camera_of
 from vlnpe.formats.lerobot.units.rows import row_arrays
-from vlnpe.formats.ros2.resample import rollout_of_span, spans
+from vlnpe.formats.ros2.calibration import Straightener
+from vlnpe.formats.ros2.pixels import images
+from vlnpe.formats.ros2.resample import image_times_ns, rollout_of_span, spans
 from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
 from vlnpe.formats.ros2.tracks import read_tracks
 from vlnpe.formats.video.mp4 import iterate_rgb_video
@@ -110,6 +126,42 @@ def test_depth_that_is_missing_is_invalid(tmp_path: Path) -> None:
     write_log(tmp_path / "log", seconds=2.0, depth="")
     (rows,) = convert(tmp_path / "log", tmp_path / "units")
     assert not np.any(rows["depth"])
+
+
+def test_images_of_one_log_time_are_told_apart_by_their_stamps(tmp_path: Path) -> None:
+    """A recorder that was busy writes several at once."""
+    log = [
+        (np.ceil(2 * t) / 2 if name == COLOR else t, name, kind, message)
+        for t, name, kind, message in log_messages(seconds=3.0)
+    ]
+    write_messages(tmp_path / "log", log)
+    topics = read_topic_map(topic_map(tmp_path))
+    tracks = read_tracks(tmp_path / "log", topics)
+    times_s = tracks.color.time_s
+    assert len(times_s) == 45
+    wanted = image_times_ns(tracks, tracks.color, times_s)
+    found = images(tmp_path / "log", topics.color, wanted, tracks.camera_info, depth=False)
+    np.testing.assert_allclose([image.mean() for image in found], np.round(40 * times_s))
+
+
+@pytest.mark.parametrize("focal_px", [0.0, 35.0])
+def test_rectified_images_are_not_straightened_again(tmp_path: Path, focal_px: float) -> None:
+    def change(info: Any, _: int) -> None:
+        info.d = np.array([0.1, -0.05, 0.0, 0.0, 0.0])
+        info.p = np.zeros(12)
+        info.p[[0, 5, 10]] = focal_px, focal_px, 1.0
+        info.p[[2, 6]] = (WIDTH - 1) / 2, (HEIGHT - 1) / 2
+
+    topic = "/camera/image_rect_color"
+    log = each(INFO, change)(log_messages(seconds=2.0))
+    write_messages(tmp_path / "log", [(t, topic if n == COLOR else n, k, m) for t, n, k, m in log])
+    topics = read_topic_map(topic_map(tmp_path, TOPICS.replace(COLOR, topic)))
+    tracks = read_tracks(tmp_path / "log", topics)
+    assert tracks.camera_info.k[0] == (focal_px or FOCAL_PX)
+    assert f"{topic}: taken as straightened already, as its name says" in tracks.doubts
+    picture = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
+    straight = Straightener(tracks.camera_info)(picture, cv2.INTER_LINEAR)
+    np.testing.assert_array_equal(straight, picture)
 
 
 def test_a_walk_comes_back(tmp_path: Path) -> None:
