@@ -10,9 +10,10 @@ from tests.support.scenes.stair_halls import StairHall, stair_hall
 from vlnpe.evaluation.observation import Lens
 from vlnpe.evaluation.policies.map_policy.climb import Climb
 from vlnpe.evaluation.policies.map_policy.flights import find_flight
-from vlnpe.evaluation.policies.map_policy.seen_map import SeenMap
+from vlnpe.evaluation.policies.map_policy.seen_map import CELL_M, HALF_M, SeenMap, behind_walls
 from vlnpe.formats.core.camera import CameraModel
 from vlnpe.formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from vlnpe.formats.scene.grid import GridSpec
 
 CAMERA = CameraModel("eye", width_px=160, height_px=160, hfov_deg=90.0)
 EYE_M, EYE_AHEAD_M = 0.45, 0.3
@@ -76,17 +77,31 @@ def ends_of(hall: StairHall) -> tuple[np.ndarray, np.ndarray]:
     return ends, np.array([first / np.linalg.norm(first), last / np.linalg.norm(last)])
 
 
-@pytest.mark.parametrize("way", ["up", "down"])
-@pytest.mark.parametrize("shape", ["straight", "L", "U"])
-def test_it_takes_the_stairs_that_it_sees(shape: str, way: str) -> None:
+@pytest.mark.parametrize(
+    ("shape", "way", "signs", "edge_m"),
+    [
+        ("straight", "up", (1.0,), -25.0),
+        ("straight", "up", (1.0, -1.0), 0.9),  # the map begins beside the stairs
+        ("straight", "down", (-1.0,), 2.1 - 2 * HALF_M),  # or ends there
+        ("L", "up", (1.0,), -25.0),
+        ("L", "down", (1.0, -1.0), -25.0),
+        ("U", "up", (1.0, -1.0), -25.0),
+        ("U", "down", (-1.0,), -25.0),
+    ],
+)
+def test_it_takes_the_stairs_that_it_sees(
+    shape: str, way: str, signs: tuple[float, ...], edge_m: float
+) -> None:
     hall = stair_hall(shape)
     ends, runs = ends_of(hall)
     start, ahead = (ends[0], runs[0]) if way == "up" else (ends[1], -runs[1])
     aside = np.array([-ahead[1], ahead[0]])
     place = start + np.array([*(-0.6 * ahead + 0.2 * aside), 0.0])
     puppet = Puppet(hall.parts, place, math.atan2(ahead[1], ahead[0]) + 0.3)
-    seen, turned_on_treads = SeenMap(floor_m=place[2]), 0
-    climb = Climb(1.0 if way == "up" else -1.0, 0.3, np.random.default_rng(0), [])
+    cells = round(2 * HALF_M / CELL_M)
+    seen = SeenMap(place[2], GridSpec((edge_m, -HALF_M), CELL_M, cells, cells))
+    turned_on_treads = 0
+    climb = Climb(signs, 0.3, np.random.default_rng(0), [])
     action = Action.FORWARD
     for _ in range(150):
         seen.add(*puppet.look(), puppet.pose[:2])
@@ -115,3 +130,17 @@ def test_a_table_with_a_shelf_is_no_flight() -> None:
     places = seen.heights.steps(np.zeros(2), 0.0, 6.0)
     assert len(places) > 100
     assert find_flight(places, 0.0, 1.0, np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize("beyond_m", [2.0, 9.0])
+def test_nothing_is_on_the_other_edge_of_the_map(beyond_m: float) -> None:
+    seen = SeenMap()
+    along = np.linspace(-HALF_M, HALF_M, 500, endpoint=False)
+    floor = np.stack([*np.meshgrid(along, along), np.zeros((500, 500))], -1).reshape(-1, 3)
+    seen.heights.add(floor)
+    for side in (-1.0, 1.0):
+        outside = np.array([side * (HALF_M + beyond_m), 0.0])
+        assert not len(seen.heights.steps(outside, 0.0, 7.0))
+        cells = seen.grid.cell_of(outside[None])
+        assert not seen.heights.between(np.array([-0.1]), np.array([0.1]), cells).any()
+        assert not behind_walls(seen, outside[None], np.zeros((1, 2))).any()

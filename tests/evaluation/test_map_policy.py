@@ -122,6 +122,36 @@ def test_routes_lead_around_obstacles() -> None:
         ),
         ("Go up the stairs and stop.", "up", "stop"),
         (
+            "Go up the stairs to the landing, turn left, go up the second flight. Walk to the bed "
+            "and stop.",
+            "up",
+            "place stop",
+        ),
+        (
+            "Take the stairs up, at the landing turn right and continue up to the second floor. "
+            "Stop by the desk.",
+            "up",
+            "stop",
+        ),
+        ("Climb halfway, turn around, climb the rest, and stop at the sink.", "up", "stop"),
+        (
+            "Ascend the stairs, pass the landing with the plant, and continue to the top. Turn "
+            "left and stop at the desk.",
+            "up",
+            "turn stop",
+        ),
+        ("Go down the stairs, at the bottom turn left and stop by the bed.", "down", "turn stop"),
+        ("Go up the stairs and along the landing to the bedroom. Stop.", "up", "place stop"),
+        ("Take the stairs, then turn left and stop by the sofa.", "either", "turn stop"),
+        ("Take the stairs, turn left, continue down and stop by the sofa.", "down", "stop"),
+        ("Go upstairs, turn left, then take the stairs down and stop.", "up down", "stop"),
+        ("Go up to the second floor, turn left, go up to the third floor. Stop.", "up up", "stop"),
+        (
+            "Go up the stairs, turn left, walk down the hallway, go up the next stairs and stop.",
+            "up up",
+            "stop",
+        ),
+        (
             "Go up the stairs. Enter the hallway, then go down the stairs and stop.",
             "up down",
             "stop",

@@ -1,9 +1,10 @@
 """A text as sub-goals."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....instruction_gen.language.claims import Claim, Step
+from ....instruction_gen.language.stairs import is_stairs
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,7 @@ _PREPS = {
     "leave": "from", "enter": "into", "in": "in", "door": "through", "pass": "past",
     "see": "with", "reach": "at", "stop": "at",
 }  # fmt: skip
+EITHER, LANDING = "either", "landing"
 _VERBS = {"door": "enter", "in": "move"}
 
 
@@ -65,7 +67,8 @@ class Part:
 
     Attributes:
         goals: the stop last; where stairs are taken then, it is at them.
-        way: `up` or `down` the stairs at its end; empty of the last part.
+        way: `up` or `down` the stairs at its end, `either` where the text does not say; empty of
+            the last part.
     """
 
     goals: tuple[SubGoal, ...]
@@ -74,6 +77,9 @@ class Part:
 
 def parts_of(steps: Sequence[Step]) -> tuple[Part, ...]:
     """Return the parts of a text, one more than it takes stairs.
+
+    A staircase is taken with all its flights. One that is taken the same way again is another
+    only if the text names a place of a level before it; turns alone are on a landing.
 
     Raises:
         UnfollowableError: it never says where to stop, or goes on after that.
@@ -86,29 +92,45 @@ def parts_of(steps: Sequence[Step]) -> tuple[Part, ...]:
         raise UnfollowableError("the text goes on after the stop")
     parts: list[Part] = []
     moves: list[SubGoal] = []
+    on_stairs = on_storey = False
     for step in steps:
-        on_stairs = bool(parts) and not moves and _is_of_stairs(step)
+        on_landing = any(_is_of_landing(claim) for claim in step.claims)
         for claim in step.claims:
             if claim.kind == "climb":
-                if moves or not parts or parts[-1].way != claim.way:
+                way = claim.way or EITHER
+                if on_stairs and (way == parts[-1].way or EITHER in (way, parts[-1].way)):
+                    known = way if parts[-1].way == EITHER else parts[-1].way
+                    parts[-1] = replace(parts[-1], way=known)
+                else:
                     noun = Place("object", "stairs", "at", _side(claim))
                     stairs = SubGoal("stop", step.words, noun=noun, verb="stop")
-                    parts.append(Part((*moves, stairs), claim.way))
-                    moves = []
-            elif not on_stairs and (goal := _move(claim, step.words)) is not None:
+                    parts.append(Part((*moves, stairs), way))
+                moves, on_stairs, on_storey = [], True, False
+            elif on_stairs and claim.kind == "reach" and claim.place in ("top", "bottom"):
+                moves = []  # what was said before is of the landing
+            elif on_stairs and not moves and _is_of_stairs(claim, on_landing):
+                continue
+            elif (goal := _move(claim, step.words)) is not None:
                 moves.append(goal)
+                on_level = goal.noun is not None and goal.noun.head != LANDING
+                on_stairs = on_stairs and not on_level and not on_storey
+            on_storey = on_storey or (claim.what == "storey" and claim.kind == "in")
     named = [SubGoal("stop", words, noun=_place(c), verb="stop") for c, words in stops
              if c.what not in ("", "storey")]  # fmt: skip
     return (*parts, Part((*moves, *(named or [SubGoal("stop", stops[-1][1])]))))
 
 
-def _is_of_stairs(step: Step) -> bool:
-    """Return whether a step after a climb tells of its landing or its end, not of a level."""
-    return any(
-        (c.name == "landing" and c.kind in ("see", "reach", "in"))
-        or (c.kind == "reach" and c.place in ("top", "bottom", "halfway"))
-        for c in step.claims
+def _is_of_landing(claim: Claim) -> bool:
+    """Return whether a claim after a climb is of the middle of the staircase, not of a level."""
+    return claim.kind != "stop" and (
+        claim.name == LANDING or (claim.kind == "reach" and claim.place == "halfway")
     )
+
+
+def _is_of_stairs(claim: Claim, on_landing: bool) -> bool:
+    """Return whether the first claims after a climb are of the staircase, as its landing is."""
+    told_there = on_landing and claim.kind in ("turn", "walk", "see")
+    return told_there or is_stairs(claim) or _is_of_landing(claim)
 
 
 def _move(claim: Claim, words: str) -> SubGoal | None:

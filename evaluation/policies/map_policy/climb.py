@@ -13,9 +13,8 @@ from ....collectors.controllers.flight import DISCRETE, FlightLine, step_along
 from ....formats.core.frames import Array, wrap_angle
 from ....formats.core.rollout import TURN_STEP_RAD, Action
 from ....instruction_gen.language.nouns import called
-from .flights import TELLING_RISE_M, Flight, find_flight, same_flight
+from .flights import TELLING_RISE_M, Flight, find_flight, same_flight, with_most_room
 from .frontiers import find_frontiers
-from .heights import CELL_M
 from .routes import Routes, bearing, next_action
 from .seen_map import SeenMap, behind_walls
 
@@ -23,8 +22,6 @@ _STOREY_M = 2.0  # one that has gone so far up or down, and sees no further flig
 _LEAST_M = 0.4  # and one that has not gone even so far took something else for stairs
 _AROUND = 24  # turns
 _ON_LANDING_RISE_M = 0.28  # of a flight: two steps, as nothing else begins there
-_BODY_M = (0.25, 0.6)  # what is at these heights above treads could be hit
-_SHIFT_M, _ROOM_M = 0.25, 0.5
 _NUDGES = 2  # steps ahead on a landing from which nothing is seen
 _AGAIN = 4  # actions after which it looks again where the flight is
 _LOOK_M = 7.0
@@ -46,7 +43,7 @@ class Climb:
     """One way up or down a staircase; one object for each.
 
     Attributes:
-        sign: 1 up, −1 down.
+        signs: 1 up, −1 down; of both, the flight that is nearer is taken.
         radius_m: of the robot.
         pending_rad: how much of a turn a walking body has still to do when the next action is
             chosen.
@@ -54,7 +51,7 @@ class Climb:
         said: what was decided, for the record.
     """
 
-    sign: float
+    signs: tuple[float, ...]
     radius_m: float
     rng: np.random.Generator
     said: list[str]
@@ -116,7 +113,7 @@ class Climb:
             if action is not None:
                 return action
             self._land(height_m)
-            climbed_m = self.sign * (height_m - self._base_m)
+            climbed_m = self.flights[-1].sign * (height_m - self._base_m)
             if climbed_m >= _STOREY_M:
                 return None
             if climbed_m < _LEAST_M:
@@ -137,42 +134,30 @@ class Climb:
         from_m = pose[:2] if line is None or flight is None else flight.at(0.0)
         places = seen.heights.steps(from_m, self._floor_m, _LOOK_M)
         least_m = _ON_LANDING_RISE_M if self.flights else TELLING_RISE_M
-        found = find_flight(places, self._floor_m, self.sign, self.rng, least_rise_m=least_m)
-        if found is None or any(same_flight(found, wrong) for wrong in self._wrong):
+        first = self.flights[-1] if self.flights else flight if line is not None else None
+        signs = self.signs if first is None else (first.sign,)
+        sights = [
+            sight
+            for sign in signs
+            if (sight := find_flight(places, self._floor_m, sign, self.rng, least_rise_m=least_m))
+            and not any(same_flight(sight, wrong) for wrong in self._wrong)
+            and (self.flights or self._is_named(seen, sight))
+            and (line is None or flight is None or same_flight(sight, flight))
+        ]
+        if not sights:
             return
-        if not self.flights and not self._is_named(seen, found):
-            return
-        if line is not None and flight and not same_flight(found, flight):
-            return
-        found = self._flight = self._amid(seen, found)
+        nearest = min(sights, key=lambda s: float(np.linalg.norm(s.foot_m - pose[:2])))
+        flight = self._flight = with_most_room(nearest, seen.heights, self._floor_m)
         if line is not None:
-            self._line = FlightLine(self._points(found), DISCRETE)
+            self._line = FlightLine(self._points(flight), DISCRETE)
             self._line.lined_up = line.lined_up
             return
-        self._note(f"stairs begin here, {found.length_m:.1f} m seen", found.foot_m)
+        self._note(f"stairs begin here, {flight.length_m:.1f} m seen", flight.foot_m)
         if self.flights:
-            before = found.at(-_BEFORE_ON_LANDING_M)
+            before = flight.at(-_BEFORE_ON_LANDING_M)
             if np.linalg.norm(before - pose[:2]) > _AT_M:
                 self._crossing = FlightLine(np.array([pose[:2], before]), DISCRETE)
-            self._line = FlightLine(self._points(found), DISCRETE)
-
-    def _amid(self, seen: SeenMap, flight: Flight) -> Flight:
-        """Return a flight with its line where walls and rails beside it leave most room."""
-        span = np.arange(-_ROOM_M, _ROOM_M + flight.length_m, CELL_M)
-        along, aside = (v.ravel() for v in np.meshgrid(span, np.arange(-0.8, 0.85, 0.05)))
-        left = np.array([-flight.ahead[1], flight.ahead[0]])
-        points = flight.foot_m + along[:, None] * flight.ahead + aside[:, None] * left
-        rise = flight.slope * np.clip(along, 0.0, flight.length_m)
-        tread_m = self._floor_m + self.sign * rise
-        cells = seen.grid.cell_of(points)
-        blocked = seen.heights.between(tread_m + _BODY_M[0], tread_m + _BODY_M[1], cells)
-        if not blocked.any():
-            return flight
-        shifts = np.linspace(-_SHIFT_M, _SHIFT_M, 11)
-        room = np.abs(aside[blocked] - shifts[:, None]).min(axis=1)
-        return flight.shifted(
-            float(shifts[np.argmax(np.minimum(room, _ROOM_M) - 0.2 * np.abs(shifts))])
-        )
+            self._line = FlightLine(self._points(flight), DISCRETE)
 
     def _points(self, flight: Flight) -> Array:
         before = _BEFORE_ON_LANDING_M if self.flights else _BEFORE_M

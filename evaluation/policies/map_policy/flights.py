@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ....formats.core.frames import Array, wrap_angle
-from .heights import CELL_M, Mask
+from .heights import CELL_M, Heights, Mask
 
 _LOWEST_M, _FIRST_M = 0.1, 0.45  # a flight's first steps lie between these above or below its floor
 _SLOPE = (0.4, 1.1)
@@ -19,6 +19,8 @@ _NARROWEST_M, _WIDEST_M = 0.45, 2.4
 TELLING_RISE_M = 0.7  # tables with shelves look like stairs so far
 _FIRST_PART_M = 1.0  # tells where the flight is wide
 _FOOT_ROWS, _GAP_ROWS, _MOST_ROWS = 3, 5, 80  # of cells; it ends where so many in a row are unseen
+_BODY_M = (0.25, 0.6)  # what is at these heights above treads could be hit
+_SHIFT_M, _ROOM_M = 0.25, 0.5
 _FILLED = 0.2  # share of its area; where only risers are seen, it is a third
 
 
@@ -32,6 +34,7 @@ class Flight:
         length_m: in plan.
         width_m: of what has been seen.
         slope: rise per metre in plan.
+        sign: 1 up, −1 down.
     """
 
     foot_m: Array
@@ -39,6 +42,7 @@ class Flight:
     length_m: float
     width_m: float
     slope: float
+    sign: float
 
     @property
     def ahead(self) -> Array:
@@ -102,13 +106,15 @@ def find_flight(
     for k in np.argsort(-count)[:_CANDIDATES]:
         if count[k] < _FEWEST:
             return None
-        flight = _fitted(places, rise, on[k], least_rise_m)
+        flight = _fitted(places, rise, on[k], sign, least_rise_m)
         if flight is not None:
             return flight
     return None
 
 
-def _fitted(places: Array, rise: Array, on: Mask, least_rise_m: float) -> Flight | None:
+def _fitted(
+    places: Array, rise: Array, on: Mask, sign: float, least_rise_m: float
+) -> Flight | None:
     """Return the flight of the places (N,) that are on it; None if it is none."""
     middle = places[on].mean(axis=0)
     rows = np.column_stack([places - middle, np.ones(len(places))])
@@ -142,7 +148,7 @@ def _fitted(places: Array, rise: Array, on: Mask, least_rise_m: float) -> Flight
     if length * slope < least_rise_m or width < _NARROWEST_M or filled < _FILLED:
         return None
     foot = middle + start * ahead + 0.5 * (left_m + right_m) * left
-    return Flight(foot, math.atan2(ahead[1], ahead[0]), length, width, slope)
+    return Flight(foot, math.atan2(ahead[1], ahead[0]), length, width, slope, sign)
 
 
 def _rows_of_steps(along_cells: Array, on: Mask) -> int:
@@ -158,6 +164,23 @@ def _rows_of_steps(along_cells: Array, on: Mask) -> int:
         elif (every[k] > 0 and k > _FOOT_ROWS) or k - last > _GAP_ROWS:
             break
     return last + 1
+
+
+def with_most_room(flight: Flight, heights: Heights, floor_m: float) -> Flight:
+    """Return a flight from a floor [m] with its line where walls and rails leave most room."""
+    span = np.arange(-_ROOM_M, _ROOM_M + flight.length_m, CELL_M)
+    along, aside = (v.ravel() for v in np.meshgrid(span, np.arange(-0.8, 0.85, 0.05)))
+    left = np.array([-flight.ahead[1], flight.ahead[0]])
+    points = flight.foot_m + along[:, None] * flight.ahead + aside[:, None] * left
+    tread_m = floor_m + flight.sign * flight.slope * np.clip(along, 0.0, flight.length_m)
+    cells = heights.grid.cell_of(points)
+    in_way = heights.between(tread_m + _BODY_M[0], tread_m + _BODY_M[1], cells)
+    if not in_way.any():
+        return flight
+    shifts = np.linspace(-_SHIFT_M, _SHIFT_M, 11)
+    room = np.abs(aside[in_way] - shifts[:, None]).min(axis=1)
+    best = np.argmax(np.minimum(room, _ROOM_M) - 0.2 * np.abs(shifts))
+    return flight.shifted(float(shifts[best]))
 
 
 def same_flight(one: Flight, other: Flight) -> bool:

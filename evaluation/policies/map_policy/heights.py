@@ -46,7 +46,10 @@ class Heights:
         """Return whether (N,) something is between two heights (N,) [m] in cells (N, 2)."""
         z = (np.arange(_SLICES) + 0.5) * SLICE_M - _REACH_M
         inside = (z > low_m[:, None]) & (z < high_m[:, None])
-        return np.asarray((self.filled[cells[:, 0], cells[:, 1]] & inside).any(axis=1))
+        rows, columns = np.clip(cells, 0, np.array(self.grid.shape) - 1).T
+        return np.asarray(
+            (self.filled[rows, columns] & inside).any(axis=1) & self.grid.inside(cells)
+        )
 
     def steps(self, from_xy_m: Array, floor_m: float, radius_m: float) -> Array:
         """Return the places (N, 3) [m] to which steps lead from a place (2,) on a floor [m].
@@ -60,7 +63,8 @@ class Heights:
         row, column = self.grid.cell_of(from_xy_m)
         reach = round(radius_m / CELL_M)
         low = np.maximum((row - reach, column - reach), 0)
-        filled = self.filled[low[0] : row + reach + 1, low[1] : column + reach + 1]
+        high = np.maximum((row + reach + 1, column + reach + 1), 0)
+        filled = self.filled[low[0] : high[0], low[1] : high[1]]
         tops = filled & ~_under_or_on_a_face(filled)
         start = round((floor_m + _REACH_M) / SLICE_M)
         cells = _grown(tops, np.array((row, column)) - low, start)
@@ -99,11 +103,11 @@ def _grown(tops: Mask, start_cell: NDArray[np.int64], start_slice: int) -> NDArr
         cells, height = cells[inside], height[inside]
         new = z[cells[:, 0], cells[:, 1]] < 0
         cells, height = cells[new], height[new]
-        wanted = np.clip(height[:, None] + rises, 0, _SLICES - 1)
-        is_top = tops[cells[:, :1], cells[:, 1:], wanted]
-        found = is_top.any(axis=1)
-        cells, best = cells[found], np.argmax(is_top[found], axis=1)
-        z[cells[:, 0], cells[:, 1]] = wanted[found][np.arange(len(best)), best]
+        heights = np.clip(height[:, None] + rises, 0, _SLICES - 1)
+        is_top = tops[cells[:, :1], cells[:, 1:], heights]
+        has_top = is_top.any(axis=1)
+        cells, best = cells[has_top], np.argmax(is_top[has_top], axis=1)
+        z[cells[:, 0], cells[:, 1]] = heights[has_top][np.arange(len(best)), best]
         edge = np.unique(cells, axis=0)
     rows, columns = np.nonzero(z >= 0)
     return np.column_stack([rows, columns, z[rows, columns]])

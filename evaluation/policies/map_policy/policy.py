@@ -12,7 +12,7 @@ from ....formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
 from ...motions import DISCRETE, WAYPOINTS
 from ...observation import Observation
 from ...policy import Assignment, PolicyError
-from ..follower.goals import Part, UnfollowableError
+from ..follower.goals import EITHER, Part, UnfollowableError
 from .climb import Climb, LostError
 from .inference import Target, choose_target, parts_of_text
 from .labels import Labeller, OracleLabeller
@@ -26,6 +26,7 @@ _PENDING_RAD = math.radians(11.0)  # a walking body turns about 0.2 s late, at 6
 _PATIENT = 120  # actions after which known stairs are gone to, whatever the text says of the way
 _LAST_SEARCH = 420  # actions after which nothing new is looked for; 500 end an episode
 _BUMP_ACTIONS, _BUMP_M = 4, 0.1  # so many steps ahead that move the robot less hit something
+_SIGNS = {"up": (1.0,), "down": (-1.0,), EITHER: (1.0, -1.0)}
 # Waypoints of the same displacement.
 _MOTIONS = {
     Action.FORWARD: np.array([[FORWARD_STEP_M, 0.0, 0.0]]),
@@ -149,11 +150,11 @@ class MapPolicy:
 
     def _climb_ahead(self) -> Climb | None:
         """Return the climb that the present part of the text ends with."""
-        sign = {"up": 1.0, "down": -1.0}.get(self._parts[0].way)
-        if sign is None:
+        signs = _SIGNS.get(self._parts[0].way)
+        if signs is None:
             return None
         pending = 0.0 if self._is_placed else _PENDING_RAD
-        return Climb(sign, self._radius_m, self._rng, self.said, pending)
+        return Climb(signs, self._radius_m, self._rng, self.said, pending)
 
     def _sees_stairs(self, climb: Climb, observation: Observation) -> bool:
         """Return whether to take the stairs: a flight is seen, or where one is after a while."""

@@ -281,4 +281,5 @@ def behind_walls(seen: SeenMap, from_m: Array, to_m: Array) -> Mask:
     """Return whether (N,) a wall stands between points (N, 2) and (N, 2) [m]."""
     share = np.linspace(0.0, 0.9, 10)[:, None, None]
     cells = seen.grid.cell_of(from_m + share * (to_m - from_m))
+    cells = np.clip(cells, 0, np.array(seen.grid.shape) - 1)
     return np.asarray(seen.walls[cells[..., 0], cells[..., 1]].any(axis=0))
