@@ -9,6 +9,16 @@ from ..physics import free_height
 from ..robots import ROBOTS, RobotSpec
 
 
+def climbers() -> tuple[RobotSpec, ...]:
+    """Return the robots that take stairs."""
+    return tuple(robot for robot in ROBOTS.values() if climbs(robot))
+
+
+def climber_names() -> str:
+    """Return their names as a message lists them."""
+    return ", ".join(robot.name for robot in climbers()) or "none"
+
+
 def check_suits(robot: RobotSpec, episodes: Sequence[Episode]) -> None:
     """Raise unless a robot can walk all episodes as far as stairs and its height are concerned.
 
@@ -18,12 +28,12 @@ def check_suits(robot: RobotSpec, episodes: Sequence[Episode]) -> None:
     """
     name = robot.name
     if any(episode.staircases for episode in episodes) and not climbs(robot):
-        able = ", ".join(other for other, spec in ROBOTS.items() if climbs(spec)) or "none"
         _refuse(
             episodes,
             lambda e: bool(e.staircases),
             lambda e: (
-                f"takes stairs, which {name} cannot climb; valid: {able}, or paths of --storeys no"
+                f"takes stairs, which {name} cannot climb; valid: {climber_names()}, or paths of "
+                "--storeys no"
             ),
         )
     needs_m = free_height(robot)

@@ -9,7 +9,7 @@ import httpx2
 import numpy as np
 from numpy.typing import NDArray
 
-from ...formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from ...formats.core.rollout import STEPS, Action
 from ...instruction_gen.llm.reply import ReplyError, bound_body, within
 from ..motions import DISCRETE, MOST_WAYPOINTS, WAYPOINTS
 from ..observation import Observation
@@ -18,11 +18,6 @@ from .wire import PATH, form_of
 
 # InternNav's client plans again three times a second; this is what a robot walks meanwhile.
 HORIZON_M = 0.5
-STEPS = {
-    Action.FORWARD: (FORWARD_STEP_M, 0.0, 0.0),
-    Action.LEFT: (0.0, 0.0, TURN_STEP_RAD),
-    Action.RIGHT: (0.0, 0.0, -TURN_STEP_RAD),
-}
 
 
 class HttpPolicy:

@@ -12,6 +12,7 @@ from ..lerobot import write_episode_unit
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import new_depth_counts, new_rgb_counts
 from ..ros2.calibration import ideal_camera
+from ..ros2.log import bag_name
 from ..ros2.pixels import images
 from ..ros2.resample import Span, camera_poses, frame_times, image_times_ns, rollout_of_span
 from ..ros2.topic_map import TopicMap
@@ -51,13 +52,13 @@ def unit_from_log(
             for _ in times:
                 yield np.zeros((info.height, info.width), np.float32)
         else:
-            wanted = image_times_ns(tracks, depth, times)
-            yield from images(path, topics.depth, wanted, info, depth=True)
+            image_times = image_times_ns(tracks, depth, times)
+            yield from images(path, topics.depth, image_times, info, depth=True)
 
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".vlnpe-tmp-") as temporary:
         rgb_video, depth_video = Path(temporary) / "rgb.mp4", Path(temporary) / "depth.mp4"
-        wanted = image_times_ns(tracks, tracks.color, times)
-        colors = images(path, topics.color, wanted, info, depth=False)
+        image_times = image_times_ns(tracks, tracks.color, times)
+        colors = images(path, topics.color, image_times, info, depth=False)
         write_rgb_video(rgb_video, colors, rate, rgb_codec, rgb_counts)
         write_depth_video(depth_video, depths(), rate, DEPTH_RANGE, depth_counts)
         rollout = rollout_of_span(
@@ -69,7 +70,7 @@ def unit_from_log(
             base_height_m=base_height_m,
             rate=rate,
             name=folder.name,
-            scene=path.stem if path.is_file() else path.name,  # episodes of a log share a place
+            scene=bag_name(path),  # episodes of a log share a place
             split=split,
         )
         view = FrameFolder(

@@ -28,6 +28,14 @@ class Action(IntEnum):
     RIGHT = 3
 
 
+# What an action does, Δx, Δy [m] and Δyaw [rad] in the frame of the pose before.
+STEPS = {
+    Action.FORWARD: (FORWARD_STEP_M, 0.0, 0.0),
+    Action.LEFT: (0.0, 0.0, TURN_STEP_RAD),
+    Action.RIGHT: (0.0, 0.0, -TURN_STEP_RAD),
+}
+
+
 class EndReason(StrEnum):
     """Why an episode ended; only `SUCCESS` counts as success."""
 

@@ -19,6 +19,11 @@ BAG_ERRORS = (ReaderError, SerdeError, ZstdError, AssertionError, *PARSER_ERRORS
 _METADATA = "metadata.yaml"
 
 
+def bag_name(path: Path) -> str:
+    """Return the name of a bag, a folder or a single file."""
+    return path.stem if path.is_file() else path.name
+
+
 def messages(
     path: Path,
     kinds: Mapping[str, tuple[str, ...]],
@@ -43,8 +48,8 @@ def messages(
     start, stop = span_ns or (None, None)
     try:
         with Reader(path) as reader:
-            found = {c.topic: c.msgtype for c in reader.connections if c.msgcount}
-            _check_topics(path, found, kinds, required)
+            kinds_here = {c.topic: c.msgtype for c in reader.connections if c.msgcount}
+            _check_topics(path, kinds_here, kinds, required)
             expected = sum(c.msgcount for c in reader.connections if c.topic in kinds)
             chosen, count = [c for c in _stored(reader) if c.topic in kinds], 0
             for connection, at, data in reader.messages(chosen, start, stop) if chosen else ():
@@ -73,17 +78,17 @@ def _stored(reader: Reader) -> list[Connection]:
 
 def _check_topics(
     path: Path,
-    found: Mapping[str, str],
+    kinds_here: Mapping[str, str],
     kinds: Mapping[str, tuple[str, ...]],
     required: tuple[str, ...],
 ) -> None:
     for topic, valid in kinds.items():
-        if topic in required and topic not in found:
-            others = ", ".join(name for name, kind in found.items() if kind in valid)
+        if topic in required and topic not in kinds_here:
+            others = ", ".join(name for name, kind in kinds_here.items() if kind in valid)
             where = f"topics of that type: {others or 'none'}"
             raise FileFormatError(path, f"has no {valid[0]} on {topic!r}; {where}")
-        if topic in found and found[topic] not in valid:
-            reason = f"{topic} is of type {found[topic]}; valid: {', '.join(valid)}"
+        if topic in kinds_here and kinds_here[topic] not in valid:
+            reason = f"{topic} is of type {kinds_here[topic]}; valid: {', '.join(valid)}"
             raise FileFormatError(path, reason)
 
 

@@ -31,7 +31,7 @@ _DEPTH_HEADER_BYTES = 12
 def images(
     path: Path, topic: str, times_ns: NDArray[np.int64], info: Any, *, depth: bool
 ) -> Iterator[NDArray[Any]]:
-    """Yield colour (H, W, 3) uint8, or depth (H, W) float32 [m], of the wanted messages.
+    """Yield colour (H, W, 3) uint8, or depth (H, W) float32 [m], of chosen messages.
 
     Args:
         times_ns: (N, 2) log time of each image, ascending, and its stamp less that [ns]; repeated
@@ -41,10 +41,10 @@ def images(
         FileFormatError: If an image is damaged or missing.
     """
     straighten, decode, done = Straightener(info), _depth if depth else _color, 0
-    span_ns, wanted = (int(times_ns[0, 0]), int(times_ns[-1, 0]) + 1), times_ns.tolist()
+    span_ns, chosen = (int(times_ns[0, 0]), int(times_ns[-1, 0]) + 1), times_ns.tolist()
     for name, kind, at, data in messages(path, {topic: KINDS["color"]}, span_ns=span_ns):
-        found = [at, stamp_lead_ns(data, at)]
-        if done == len(wanted) or found != wanted[done]:
+        times = [at, stamp_lead_ns(data, at)]
+        if done == len(chosen) or times != chosen[done]:
             continue
         seconds = f"{name}: the image {(at - span_ns[0]) / NANOSECONDS:.2f} s after the first one"
         try:
@@ -52,11 +52,11 @@ def images(
         except (*BAG_ERRORS, cv2.error) as error:
             raise FileFormatError(path, f"{seconds} is damaged: {one_line(error)}") from error
         image = straighten(image, cv2.INTER_NEAREST if depth else cv2.INTER_LINEAR)
-        while done < len(wanted) and found == wanted[done]:
+        while done < len(chosen) and times == chosen[done]:
             yield image
             done += 1
-    if done < len(wanted):
-        raise FileFormatError(path, f"{topic}: {len(wanted) - done} images are missing")
+    if done < len(chosen):
+        raise FileFormatError(path, f"{topic}: {len(chosen) - done} images are missing")
 
 
 def _color(message: Any, size: tuple[int, int]) -> NDArray[np.uint8]:
@@ -97,19 +97,19 @@ def _decoded(message: Any, data: Any, flags: int, size: tuple[int, int]) -> NDAr
     """
     try:
         with Image.open(io.BytesIO(bytes(data))) as picture:
-            found = picture.size
+            own = picture.size
     except (UnidentifiedImageError, Image.DecompressionBombError) as error:
         raise ValueError(f"not an image of format {message.format!r}") from error
-    _check_size(found, size)
+    _check_size(own, size)
     image = cv2.imdecode(data, flags)
     if image is None:
         raise ValueError(f"an incomplete image of format {message.format!r}")
     return image
 
 
-def _check_size(found: tuple[int, int], size: tuple[int, int]) -> None:
-    if found != size:
-        shape = f"{found[0]} × {found[1]} px"
+def _check_size(own: tuple[int, int], size: tuple[int, int]) -> None:
+    if own != size:
+        shape = f"{own[0]} × {own[1]} px"
         raise ValueError(f"{shape}; its calibration has {size[0]} × {size[1]}")
 
 

@@ -80,9 +80,9 @@ def spans(path: Path, tracks: Tracks, topics: TopicMap) -> list[Span]:
             result.append(Span(float(start), float(end), said[-1] if said else ""))
         start = max(start, b)
     if not result:
-        wanted = f"no {topics.min_episode_s:g} s without a gap over {topics.max_gap_s:g} s"
+        lacks = f"no {topics.min_episode_s:g} s without a gap over {topics.max_gap_s:g} s"
         has = "; ".join(_extent(name, part) for name, part in parts.items())
-        raise FileFormatError(path, f"{wanted} in all that it has: {has}")
+        raise FileFormatError(path, f"{lacks} in all that it has: {has}")
     return result
 
 

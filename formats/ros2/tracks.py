@@ -168,23 +168,23 @@ class _Log:
 
         edges = {child: f"transform to {child}" for child in self._edges}
         moves = {name: self._edges[child][1] for child, name in edges.items()}
-        found = tracks_by_time(self._read | moves, self._start_ns, doubts)
-        if topics.odometry not in found:
+        by_name = tracks_by_time(self._read | moves, self._start_ns, doubts)
+        if topics.odometry not in by_name:
             raise FileFormatError(self._path, f"{topics.odometry}: no message holds a pose")
         return Tracks(
             start_ns=self._start_ns,
-            odometry=found[topics.odometry],
+            odometry=by_name[topics.odometry],
             joint_names=joints,
-            joints=found.get(topics.joints),
-            command=found.get(topics.command),
-            imu=found.get(topics.imu),
-            color=found[topics.color],
-            depth=found.get(topics.depth),
+            joints=by_name.get(topics.joints),
+            command=by_name.get(topics.command),
+            imu=by_name.get(topics.imu),
+            color=by_name[topics.color],
+            depth=by_name.get(topics.depth),
             camera_info=camera_info,
             frames={
-                child: (self._edges[child][0], found[name])
+                child: (self._edges[child][0], by_name[name])
                 for child, name in edges.items()
-                if name in found
+                if name in by_name
             },
             color_frame=color_frame,
             instructions=tuple(

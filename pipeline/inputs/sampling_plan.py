@@ -103,12 +103,12 @@ def chosen_free_height(robots: Iterable[RobotSpec], asked_m: float) -> float:
 def check_climbing(option: str, robots: Iterable[RobotSpec]) -> None:
     """Raise InputError unless all robots take stairs, as an option needs."""
     from ...collectors.locomotion.runtime.policy import climbs
-    from ...collectors.robots import ROBOTS
+    from ...collectors.replay.suits import climber_names
 
     unable = [robot.name for robot in robots if not climbs(robot)]
     if unable:
-        able = ", ".join(name for name, robot in ROBOTS.items() if climbs(robot)) or "none"
-        raise InputError(f"{option}: {', '.join(unable)} cannot climb stairs; valid: {able}")
+        valid = f"valid: {climber_names()}"
+        raise InputError(f"{option}: {', '.join(unable)} cannot climb stairs; {valid}")
 
 
 def climber_radius(robots: Sequence[RobotSpec]) -> float:
@@ -128,12 +128,10 @@ def climber_height(robots: Iterable[RobotSpec]) -> float:
 
     Without robots it is that of the tallest one that climbs.
     """
-    from ...collectors.locomotion.runtime.policy import climbs
     from ...collectors.physics import free_height
-    from ...collectors.robots import ROBOTS
+    from ...collectors.replay.suits import climbers
 
-    climbers = tuple(robots) or tuple(robot for robot in ROBOTS.values() if climbs(robot))
-    return max(free_height(robot) for robot in climbers)
+    return max(free_height(robot) for robot in tuple(robots) or climbers())
 
 
 def sample_config(

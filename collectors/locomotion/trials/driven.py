@@ -11,7 +11,7 @@ import numpy as np
 from ....formats.core.arrays import Array
 from ....formats.core.frames import wrap_angle
 from ....formats.core.geometry import distances_to_path
-from ....formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from ....formats.core.rollout import FORWARD_STEP_M, STEPS, Action
 from ....formats.scene.freemap import Freemap
 from ....formats.scene.grid import GridSpec
 from ...controllers import STOPPED, Controller, PathConfig, Pose, SpeedConfig, Task
@@ -25,11 +25,6 @@ from .trial import STEP_S, Conditions, Trial
 
 CONTROL_HZ = 100  # `Trial` reads two poses per step of 20 ms
 REST_S = 2.5  # a robot must still stand so long after it stopped
-NOMINAL = {
-    Action.FORWARD: (FORWARD_STEP_M, 0.0, 0.0),
-    Action.LEFT: (0.0, 0.0, TURN_STEP_RAD),
-    Action.RIGHT: (0.0, 0.0, -TURN_STEP_RAD),
-}
 
 
 def random_path(rng: np.random.Generator, length_m: float = 12.0) -> Array:
@@ -189,7 +184,7 @@ def action_errors(
         drivers.step()
         trial.leave(np.array([len(started) > actions for started in drivers.actions]))
     kinds, moved, seconds = displacements(drivers.actions)
-    nominal = np.reshape([NOMINAL[kind] for kind in kinds], (-1, 3))
+    nominal = np.reshape([STEPS[kind] for kind in kinds], (-1, 3))
     position = np.linalg.norm((moved - nominal)[:, :2], axis=1)
     turned = np.rad2deg(np.abs(wrap_angle(moved[:, 2] - nominal[:, 2])))
     steps = np.array([kind is Action.FORWARD for kind in kinds], dtype=bool)

@@ -62,10 +62,10 @@ def _renamed(facts: Path, name: str) -> str:
     text = facts.read_text()
     changed = re.sub(r"(?m)^name\s*=.*$", f"name = {json.dumps(name)}", text, count=1)
     try:
-        found = tomllib.loads(changed).get("name")
+        read = tomllib.loads(changed).get("name")
     except tomllib.TOMLDecodeError:
-        found = None
-    if found != name:
+        read = None
+    if read != name:
         raise FileFormatError(facts, 'its name is not found; valid: a first line `name = "…"`')
     return changed
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from ....collectors.robots import get_robot
 from ....formats.core.frames import Array
-from ....formats.core.rollout import FORWARD_STEP_M, TURN_STEP_RAD, Action
+from ....formats.core.rollout import STEPS, Action
 from ...motions import DISCRETE, WAYPOINTS
 from ...observation import Observation
 from ...policy import Assignment, PolicyError
@@ -27,12 +27,6 @@ _PATIENT = 120  # actions after which known stairs are gone to, whatever the tex
 _LAST_SEARCH = 420  # actions after which nothing new is looked for; 500 end an episode
 _BUMP_ACTIONS, _BUMP_M = 4, 0.1  # so many steps ahead that move the robot less hit something
 _SIGNS = {"up": (1.0,), "down": (-1.0,), EITHER: (1.0, -1.0)}
-# Waypoints of the same displacement.
-_MOTIONS = {
-    Action.FORWARD: np.array([[FORWARD_STEP_M, 0.0, 0.0]]),
-    Action.LEFT: np.array([[0.0, 0.0, TURN_STEP_RAD]]),
-    Action.RIGHT: np.array([[0.0, 0.0, -TURN_STEP_RAD]]),
-}
 
 
 class MapPolicy:
@@ -174,7 +168,7 @@ class MapPolicy:
             self._climb, self._parts = None, self._parts[1:]
             self._enter(observation.pose, height_m, observation.step)
             return self._turn()
-        return action if self._discrete else _MOTIONS[action]
+        return action if self._discrete else np.array([STEPS[action]])
 
     def _to_choose(self, pose: Array) -> bool:
         self._age += 1

@@ -13,6 +13,7 @@ from ....formats.convert.episodes import DATASET_NAME
 from ....formats.convert.facts import DatasetFacts
 from ....formats.convert.ros2_unit import unit_from_log
 from ....formats.core.errors import FileFormatError, InputError, UnknownNameError
+from ....formats.ros2.log import bag_name
 from ....formats.ros2.resample import Span, spans
 from ....formats.ros2.topic_map import TopicMap
 from ....formats.ros2.tracks import Tracks, read_tracks
@@ -183,19 +184,15 @@ def check_stems(bags: Sequence[Path]) -> None:
     """
     known: dict[str, Path] = {}
     for bag in bags:
-        other = known.setdefault(_stem(bag), bag)
+        other = known.setdefault(bag_name(bag), bag)
         if other != bag:
-            both = f"episodes of both would be called {_stem(bag)}-000 and on"
+            both = f"episodes of both would be called {bag_name(bag)}-000 and on"
             raise InputError(f"{other}, {bag}: {both}; rename one, or convert them one by one")
-
-
-def _stem(path: Path) -> str:
-    return path.stem if path.is_file() else path.name
 
 
 def _episode(path: Path, number: int) -> str:
     """Return the name of a bag's episode; it tells of one bag alone, see `check_stems`."""
-    return f"{_stem(path)}-{number:03d}"
+    return f"{bag_name(path)}-{number:03d}"
 
 
 @lru_cache(maxsize=1)
