@@ -11,7 +11,7 @@ from ..core.camera import DepthRange
 from ..lerobot import write_episode_unit
 from ..rendered.folder import FrameFolder
 from ..rendered.image_counts import new_depth_counts, new_rgb_counts
-from ..ros2.calibration import ideal_camera
+from ..ros2.calibration import Straightener, ideal_camera
 from ..ros2.log import bag_name
 from ..ros2.pixels import images
 from ..ros2.resample import Span, camera_poses, frame_times, image_times_ns, rollout_of_span
@@ -41,7 +41,7 @@ def unit_from_log(
     Raises:
         FileFormatError: If images are damaged or missing.
     """
-    info = tracks.camera_info
+    camera = ideal_camera(tracks.camera_info)
     times, depth = frame_times(span, rate), tracks.depth
     position, rotation = camera_poses(path, tracks, topics, span, rate)
     rgb_counts, depth_counts = new_rgb_counts(), new_depth_counts()
@@ -50,15 +50,17 @@ def unit_from_log(
     def depths() -> Iterator[NDArray[np.float32]]:
         if depth is None:
             for _ in times:
-                yield np.zeros((info.height, info.width), np.float32)
+                yield np.zeros((camera.height_px, camera.width_px), np.float32)
         else:
             image_times = image_times_ns(tracks, depth, times)
-            yield from images(path, topics.depth, image_times, info, depth=True)
+            straighten = Straightener(tracks.depth_info, camera)
+            yield from images(path, topics.depth, image_times, straighten, depth=True)
 
     with tempfile.TemporaryDirectory(dir=folder.parent, prefix=".vlnpe-tmp-") as temporary:
         rgb_video, depth_video = Path(temporary) / "rgb.mp4", Path(temporary) / "depth.mp4"
         image_times = image_times_ns(tracks, tracks.color, times)
-        colors = images(path, topics.color, image_times, info, depth=False)
+        straighten = Straightener(tracks.camera_info, camera)
+        colors = images(path, topics.color, image_times, straighten, depth=False)
         write_rgb_video(rgb_video, colors, rate, rgb_codec, rgb_counts)
         write_depth_video(depth_video, depths(), rate, DEPTH_RANGE, depth_counts)
         rollout = rollout_of_span(
@@ -83,7 +85,7 @@ def unit_from_log(
                 "rgb_counts": rgb_counts,
                 "depth_counts": depth_counts,
             },
-            camera=ideal_camera(info),
+            camera=camera,
             depth_range=DEPTH_RANGE,
             frames_per_second=rate,
             light="real",

@@ -29,7 +29,12 @@ _DEPTH_HEADER_BYTES = 12
 
 
 def images(
-    path: Path, topic: str, times_ns: NDArray[np.int64], info: Any, *, depth: bool
+    path: Path,
+    topic: str,
+    times_ns: NDArray[np.int64],
+    straighten: Straightener,
+    *,
+    depth: bool,
 ) -> Iterator[NDArray[Any]]:
     """Yield colour (H, W, 3) uint8, or depth (H, W) float32 [m], of chosen messages.
 
@@ -40,7 +45,7 @@ def images(
     Raises:
         FileFormatError: If an image is damaged or missing.
     """
-    straighten, decode, done = Straightener(info), _depth if depth else _color, 0
+    decode, done = _depth if depth else _color, 0
     span_ns, chosen = (int(times_ns[0, 0]), int(times_ns[-1, 0]) + 1), times_ns.tolist()
     for name, kind, at, data in messages(path, {topic: KINDS["color"]}, span_ns=span_ns):
         times = [at, stamp_lead_ns(data, at)]
@@ -48,7 +53,7 @@ def images(
             continue
         seconds = f"{name}: the image {(at - span_ns[0]) / NANOSECONDS:.2f} s after the first one"
         try:
-            image = decode(STORE.deserialize_cdr(data, kind), (info.width, info.height))
+            image = decode(STORE.deserialize_cdr(data, kind), straighten.size_px)
         except (*BAG_ERRORS, cv2.error) as error:
             raise FileFormatError(path, f"{seconds} is damaged: {one_line(error)}") from error
         image = straighten(image, cv2.INTER_NEAREST if depth else cv2.INTER_LINEAR)

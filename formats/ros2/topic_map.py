@@ -28,7 +28,7 @@ class TopicMap:
     Attributes:
         odometry: Of `base_frame`.
         color, depth: Depth is aligned to colour.
-        camera_info: Of both.
+        camera_info: Of both, unless depth has its own; see `depth_info`.
         joints, command, imu, instruction: An empty name leaves out what a bag has.
         base_frame: Frame of the robot's base.
         end_reason: How the episodes ended, which no topic says.
@@ -49,6 +49,12 @@ class TopicMap:
     end_reason: str = EndReason.SUCCESS.value
     max_gap_s: float = 0.5
     min_episode_s: float = 1.0
+
+    @property
+    def depth_info(self) -> str:
+        """Topic of depth's own CameraInfo, beside its images, as image transports name it."""
+        image = self.depth.removesuffix("/compressed").removesuffix("/compressedDepth")
+        return f"{image.rpartition('/')[0]}/camera_info" if image else ""
 
 
 def read_topic_map(path: Path) -> TopicMap:

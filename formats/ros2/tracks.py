@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import FileFormatError, one_line
 from .bag import NANOSECONDS, STORE
-from .calibration import check_calibration, check_same, of_rectified
+from .calibration import check_calibration, check_same, of_rectified, same_pixels
 from .clocks import Stamped, Track, tracks_by_time
 from .log import BAG_ERRORS, header_stamp, messages, stamp_lead_ns
 from .topic_map import KINDS, TopicMap
@@ -31,7 +31,7 @@ class Tracks:
         imu: Specific force [m/s²] and angular rate [rad/s] (6).
         color, depth: Log times of the images [ns since the start], and stamps less those [ns] (2);
             None where there are none.
-        camera_info: CameraInfo of all images, as they are.
+        camera_info, depth_info: CameraInfo of the images, and of depth, as they are.
         frames: Parent, and position and quat_wxyz (7) in it, by frame; one that does not move has
             one value.
         color_frame: Frame of the images.
@@ -48,6 +48,7 @@ class Tracks:
     color: Track
     depth: Track | None
     camera_info: Any
+    depth_info: Any
     frames: dict[str, tuple[str, Track]]
     color_frame: str
     instructions: tuple[tuple[float, str], ...]
@@ -63,7 +64,8 @@ def read_tracks(path: Path, topics: TopicMap) -> Tracks:
     """
     log = _Log(path, topics)
     required = (topics.odometry, topics.color, topics.camera_info)
-    kinds: dict[str, tuple[str, ...]] = {getattr(topics, name): k for name, k in KINDS.items()}
+    kinds: dict[str, tuple[str, ...]] = {topics.depth_info: KINDS["camera_info"]}
+    kinds |= {getattr(topics, name): k for name, k in KINDS.items()}
     try:
         for topic, kind, at, data in messages(path, kinds | TRANSFORMS, required):
             log.take(topic, kind, at, data)
@@ -85,6 +87,7 @@ class _Log:
         self._joints: dict[tuple[str, ...], Stamped] = {}
         self._texts: list[tuple[int, str]] = []
         self._camera_info: Any = None
+        self._depth_info: Any = None
         self._start_ns = -1
 
     def take(self, topic: str, kind: str, at: int, data: bytes) -> None:
@@ -109,6 +112,8 @@ class _Log:
                 self._texts.append((at, text))
         elif topic == topics.camera_info:
             self._camera_info = check_same(self._path, self._camera_info, message)
+        elif topic == topics.depth_info:
+            self._depth_info = check_same(self._path, self._depth_info, message)
         elif topic == topics.joints:
             names = tuple(message.name)
             stamped = self._joints.setdefault(names, Stamped())
@@ -156,10 +161,8 @@ class _Log:
         if topics.depth in self._read and depth_frame != color_frame:
             frames = f"depth in {depth_frame!r}, colour in {color_frame!r}"
             raise FileFormatError(self._path, f"{frames}; valid: depth aligned to colour")
-        camera_info = self._camera_info
-        if "/image_rect" in topics.color and np.any(camera_info.d):
-            camera_info = of_rectified(camera_info)
-            doubts.append(f"{topics.color}: taken as straightened already, as its name says")
+        camera_info = _as_stored(topics.color, self._camera_info, doubts)
+        depth_info = self._own_of_depth(camera_info, doubts) if depth_frame else camera_info
         joints = max(self._joints, key=lambda names: len(self._joints[names].values), default=())
         if self._joints:
             self._read[topics.joints] = self._joints.pop(joints)
@@ -181,6 +184,7 @@ class _Log:
             color=by_name[topics.color],
             depth=by_name.get(topics.depth),
             camera_info=camera_info,
+            depth_info=depth_info,
             frames={
                 child: (self._edges[child][0], by_name[name])
                 for child, name in edges.items()
@@ -192,6 +196,33 @@ class _Log:
             ),
             doubts=tuple(doubts),
         )
+
+    def _own_of_depth(self, of_color: Any, doubts: list[str]) -> Any:
+        """Return the CameraInfo of depth; it may differ from colour's, in the same frame."""
+        topic, own = self._topics.depth, self._depth_info or self._camera_info
+        if not own.k[0]:
+            doubts.append(f"{topic}: has an empty calibration; colour's is taken for it")
+            own = self._camera_info
+        check_calibration(self._path, own, self._image_frames[topic])
+        own = _as_stored(topic, own, doubts)
+        if same_pixels(own, of_color):
+            return of_color
+        pair = " and ".join(_camera_in_words(info) for info in (own, of_color))
+        doubts.append(f"{topic}: depth and colour are of {pair}; each is mapped by its own")
+        return own
+
+
+def _as_stored(topic: str, info: Any, doubts: list[str]) -> Any:
+    """Return the CameraInfo of images as their topic has them, perhaps straightened already."""
+    if "/image_rect" not in topic or not np.any(info.d):
+        return info
+    doubts.append(f"{topic}: taken as straightened already, as its name says")
+    return of_rectified(info)
+
+
+def _camera_in_words(info: Any) -> str:
+    bent = "distorted" if np.any(info.d) else "straight"
+    return f"{info.width} × {info.height} px with a focal length of {info.k[0]:.1f} px, {bent}"
 
 
 def _add(stamped: Stamped, stamp_ns: int, log_ns: int, values: Sequence[float] | None) -> None:

@@ -1,5 +1,6 @@
 """Logs of robots, as bags that `rosbags` writes: resampled, and nothing invented."""
 
+import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from rosbags.rosbag2 import StoragePlugin
 from tests.support.lerobot_data import write_unit
 from tests.support.robot_logs import (
     COLOR,
+    DEPTH,
     FOCAL_PX,
     HEIGHT,
     INFO,
@@ -32,7 +34,7 @@ from vlnpe.formats.core.errors import FileFormatError
 from vlnpe.formats.lerobot import EpisodeUnit, read_episode_unit
 from vlnpe.formats.lerobot.episode_columns import camera_of
 from vlnpe.formats.lerobot.units.rows import row_arrays
-from vlnpe.formats.ros2.calibration import Straightener
+from vlnpe.formats.ros2.calibration import Straightener, ideal_camera
 from vlnpe.formats.ros2.pixels import images
 from vlnpe.formats.ros2.resample import image_times_ns, rollout_of_span, spans
 from vlnpe.formats.ros2.topic_map import TopicMap, read_topic_map
@@ -41,16 +43,16 @@ from vlnpe.formats.video.mp4 import iterate_rgb_video
 from vlnpe.pipeline import cli
 
 
-def convert(bag: Path, folder: Path, rate: int = 4) -> list[dict[str, Any]]:
+def convert(bag: Path, folder: Path, rate: int = 4, topics: str = TOPICS) -> list[dict[str, Any]]:
     """Return the rows of each episode of a log."""
-    topics = read_topic_map(topic_map(folder.parent))
-    tracks, result = read_tracks(bag, topics), []
-    for number, span in enumerate(spans(bag, tracks, topics)):
+    topic_names = read_topic_map(topic_map(folder.parent, topics))
+    tracks, result = read_tracks(bag, topic_names), []
+    for number, span in enumerate(spans(bag, tracks, topic_names)):
         out = folder / f"{number}"
         unit_from_log(
             bag,
             tracks,
-            topics,
+            topic_names,
             span,
             out,
             robot="dog",
@@ -140,7 +142,8 @@ def test_images_of_one_log_time_are_told_apart_by_their_stamps(tmp_path: Path) -
     times_s = tracks.color.time_s
     assert len(times_s) == 45
     wanted = image_times_ns(tracks, tracks.color, times_s)
-    found = images(tmp_path / "log", topics.color, wanted, tracks.camera_info, depth=False)
+    straighten = Straightener(tracks.camera_info, ideal_camera(tracks.camera_info))
+    found = images(tmp_path / "log", topics.color, wanted, straighten, depth=False)
     np.testing.assert_allclose([image.mean() for image in found], np.round(40 * times_s))
 
 
@@ -160,8 +163,43 @@ def test_rectified_images_are_not_straightened_again(tmp_path: Path, focal_px: f
     assert tracks.camera_info.k[0] == (focal_px or FOCAL_PX)
     assert f"{topic}: taken as straightened already, as its name says" in tracks.doubts
     picture = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
-    straight = Straightener(tracks.camera_info)(picture, cv2.INTER_LINEAR)
+    straighten = Straightener(tracks.camera_info, ideal_camera(tracks.camera_info))
+    straight = straighten(picture, cv2.INTER_LINEAR)
     np.testing.assert_array_equal(straight, picture)
+
+
+@pytest.mark.parametrize("name", ["image_raw", "image_rect", "image_raw/compressedDepth"])
+def test_depth_is_mapped_by_its_own_calibration(tmp_path: Path, name: str) -> None:
+    """Colour is distorted; depth, of another focal length, is not, or is straightened."""
+    topic, focal_px, bent = f"/camera/depth/{name}", 30.0, np.array([0.2, -0.1, 0.0, 0.0, 0.0])
+    center = (WIDTH - 1) / 2, (HEIGHT - 1) / 2
+    slope = (np.arange(WIDTH) - center[0]) / focal_px
+    wall = np.tile(1000 * (2.0 + slope), (HEIGHT, 1)).astype(np.uint16)  # turned from the camera
+
+    def bend(info: Any, _: int) -> None:
+        info.d = bent
+
+    def own(info: Any, _: int) -> None:
+        k = np.array([focal_px, 0, center[0], 0, focal_px, center[1], 0, 0, 1])
+        info.d, info.p = np.zeros(5), np.insert(k, [3, 6, 9], 0.0)
+        if name == "image_rect":  # then `p` is the pixels', not `k`
+            info.d, info.k = bent, 2 * k
+        else:
+            info.k = k
+
+    log = log_messages(seconds=2.0)
+    others = copy.deepcopy([message for message in log if message[1] == INFO])
+    log = each(DEPTH, lambda m, _: setattr(m, "data", wall.reshape(-1).view(np.uint8)))(log)
+    log = [(t, topic if n == DEPTH else n, k, m) for t, n, k, m in each(INFO, bend)(log)]
+    log += [(t, "/camera/depth/camera_info", k, m) for t, _, k, m in each(INFO, own)(others)]
+    write_messages(tmp_path / "log", log)
+    topics = TOPICS.replace(DEPTH, topic)
+    doubts = read_tracks(tmp_path / "log", read_topic_map(topic_map(tmp_path, topics))).doubts
+    assert any("focal length of 30.0 px, straight and" in doubt for doubt in doubts)
+    (rows,) = convert(tmp_path / "log", tmp_path / "units", topics=topics)
+    expected = 2.0 + (np.arange(WIDTH) - center[0]) / FOCAL_PX
+    for metres in rows["depth"]:
+        np.testing.assert_allclose(metres, np.tile(expected, (HEIGHT, 1)), atol=0.02)
 
 
 def test_a_walk_comes_back(tmp_path: Path) -> None:
