@@ -55,6 +55,7 @@ class Card:
         data: per source its datasets, episodes, share and digest.
         held_out: scenes or trajectories that the training did not see.
         start: digest of the weights that it started from; empty for new ones.
+        stairs: whether a walk took stairs.
         encoder, language: model, digest and licence of the pretrained encoders of RGB and of
             instructions that it needs, if any.
         curves: scores by step.
@@ -72,6 +73,7 @@ class Card:
     data: tuple[Mapping[str, Any], ...] = ()
     held_out: Mapping[str, Any] = field(default_factory=dict)
     start: str = ""
+    stairs: bool = False
     encoder: Mapping[str, Any] = field(default_factory=dict)
     language: Mapping[str, Any] = field(default_factory=dict)
     curves: tuple[Mapping[str, Any], ...] = ()
@@ -94,6 +96,7 @@ class _Rest(TypedDict):
     data: tuple[dict[str, Any], ...]
     held_out: dict[str, Any]
     start: str
+    stairs: NotRequired[bool]
     encoder: NotRequired[dict[str, Any]]
     language: NotRequired[dict[str, Any]]
     curves: tuple[dict[str, Any], ...]

@@ -93,6 +93,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             "trajectories": sorted(planned.holdout.trajectories),
         },
         start=start.sha256 if start is not None else "",
+        stairs=planned.stairs,
         encoder=planned.encoder.facts if planned.encoder else {},
         language=planned.language.facts if planned.language else {},
     )

@@ -89,11 +89,11 @@ def chosen_trial(options: Evaluate) -> Trial:
         )
     card = read_card(policy.checkpoint)[0] if policy.checkpoint else None
     robot, controller, view = chosen_test(options, card)
-    if card is not None:
-        test = {"robot": robot.name, "controller": controller, "light": options.light}
-        _warn_of_other_training(policy.name, card, test)
     episodes, folder = episodes_of(options.episodes, options.scenes, options.split)
     episodes = episodes[: options.limit]
+    if card is not None:
+        test = {"robot": robot.name, "controller": controller, "light": options.light}
+        _warn_of_other_training(policy.name, card, test, episodes)
     check_suits(robot, episodes)
     scenes = repair.rows_of(folder)
     repair.demand({e.scene_id for e in episodes}, scenes, folder)
@@ -251,13 +251,18 @@ def chosen_test(options: Evaluate, card: Card | None) -> tuple[RobotSpec, str, V
     return robot, controller, views[0]
 
 
-def _warn_of_other_training(policy: str, card: Card, test: Mapping[str, str]) -> None:
+def _warn_of_other_training(
+    policy: str, card: Card, test: Mapping[str, str], episodes: Sequence[Episode]
+) -> None:
     """Warn if a learned policy is tested with what it was not trained on."""
     trained = {"robot": card.robots, "controller": card.controllers, "light": card.lights}
     for name, value in test.items():
         if trained[name] and value not in trained[name]:
             valid = ", ".join(trained[name])
             log.warning("%s was trained on %s %s, not on %s", policy, name, valid, value)
+    if not card.stairs and (count := sum(bool(e.staircases) for e in episodes)):
+        of = len(episodes)
+        log.warning("%s was trained on no stairs, and %d of %d paths take some", policy, count, of)
 
 
 def _default_out(options: Evaluate, trial: Trial) -> Path:

@@ -1,13 +1,17 @@
 """Checkpoints that come with vlnpe are small, whole, and drive the robot by their names."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from tests.collectors.test_replay import make_episode
 from tests.learning.conftest import Walks
 from vlnpe.evaluation.policies.registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
+from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
@@ -43,11 +47,15 @@ def test_a_shipped_checkpoint_is_small_and_whole(name: str) -> None:
     assert "/" not in "".join(d for s in checkpoint.card.data for d in s["datasets"])
 
 
-def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> None:
-    def warn(policy: str, robot: str, controller: str) -> None:
+def test_unfamiliar_settings_are_warned_of(
+    two_rooms: SceneBundle, caplog: pytest.LogCaptureFixture
+) -> None:
+    level = make_episode(two_rooms, (0.9, 2.3), (6.0, 2.0))
+
+    def warn(policy: str, robot: str, controller: str, *episodes: Episode) -> None:
         card, _ = read_card(shipped_policies()[policy])
         test = {"robot": robot, "controller": controller, "light": "baked"}
-        _warn_of_other_training(policy, card, test)
+        _warn_of_other_training(policy, card, test, episodes or [level])
 
     for policy, robot, controller in (
         ("cma", "vlnce", "flash"),
@@ -59,6 +67,9 @@ def test_unfamiliar_settings_are_warned_of(caplog: pytest.LogCaptureFixture) -> 
     warn("cma", "aliengo", "speed")
     assert "cma was trained on robot vlnce, not on aliengo" in caplog.text
     assert "cma was trained on controller flash, not on speed" in caplog.text
+    upstairs = replace(level, extra={"staircases": [0], "levels": [level.level, 1]})
+    warn("cma-robots", "aliengo", "speed", level, upstairs)
+    assert "cma-robots was trained on no stairs, and 1 of 2 paths take some" in caplog.text
 
 
 @pytest.mark.usefixtures("inline")
