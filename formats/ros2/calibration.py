@@ -63,8 +63,8 @@ def of_rectified(info: Any) -> Any:
 def same_pixels(info: Any, other: Any) -> bool:
     """Return whether two calibrations in one frame say the same of every pixel."""
     sizes = (info.width, info.height) == (other.width, other.height)
-    k, d = info.k - other.k, (np.pad(c.d, (0, _COEFFICIENTS[-1] - len(c.d))) for c in (info, other))
-    return sizes and bool(np.abs(k).max() < 1e-3) and np.array_equal(*d)
+    bent, bent_other = (np.pad(c.d, (0, _COEFFICIENTS[-1] - len(c.d))) for c in (info, other))
+    return sizes and np.allclose(info.k, other.k, atol=1e-3) and np.array_equal(bent, bent_other)
 
 
 def ideal_camera(info: Any) -> CameraModel:

@@ -1,7 +1,6 @@
 """The paths to review: their maps, facts and texts, and what was decided about them."""
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -48,16 +47,12 @@ class Review:
         instructed = group_by_path(e for e in episodes if e.instruction)
         self.paths = {e.trajectory_id: e for e in reversed(instructed)}
         self.paths = dict(reversed(self.paths.items()))
+        self.names = list(self.paths)
         self.file = DecisionFile(decisions)
         self.films = films or {}
         self._seen = seen
         self._levels = Levels(scenes, named)
         self._grounds: dict[str, Ground] = {}
-
-    @cached_property
-    def names(self) -> list[str]:
-        """Trajectory ids, in order."""
-        return list(self.paths)
 
     def ground(self, name: str) -> Ground:
         """Return the facts of a path."""
@@ -105,6 +100,7 @@ class Review:
             "agreement": agreement(current),
             "texts_in_all": sum(len(_texts(one)) for one in self.paths.values()),
             "next_unjudged": self._next_unjudged(name, annotator, current),
+            "written": False,
         }
 
     def _next_unjudged(self, name: str, annotator: str, current: Current) -> int:

@@ -3,15 +3,15 @@
 import json
 import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 from urllib.parse import SplitResult, parse_qs, urlsplit
 
 from ...formats.core.errors import VlnpeError
-from .paths import Review
 
 _PAGES = {"/": ("index.html", "text/html"), "/review.js": ("review.js", "text/javascript")}
 _PAGES["/review.css"] = ("review.css", "text/css")
@@ -20,7 +20,33 @@ _LONGEST_BODY = 20_000
 _MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
-def make_server(review: Review, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
+class Reviewed(Protocol):
+    """What the page shows: paths with their texts, and what becomes of those."""
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the paths, in order."""
+        ...
+
+    @property
+    def films(self) -> Mapping[str, Path]:
+        """Film (MP4) of a path, by name."""
+        ...
+
+    def path(self, name: str, annotator: str) -> dict[str, Any]:
+        """Return all that the page shows of a path."""
+        ...
+
+    def check(self, name: str, number: int, text: str) -> dict[str, Any]:
+        """Return the verdict on a text in place of a path's text `number`."""
+        ...
+
+    def decide(self, annotator: str, body: dict[str, Any]) -> None:
+        """Keep a decision."""
+        ...
+
+
+def make_server(review: Reviewed, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
     """Return a server on 127.0.0.1 and the address, with its token, to open."""
     token = secrets.token_urlsafe(18)
 
@@ -44,7 +70,7 @@ class _Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     timeout = 30  # in seconds, for a client that sends less than it announces
-    review: Review
+    review: Reviewed
     token: str
     port: int
 

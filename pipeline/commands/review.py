@@ -1,37 +1,72 @@
-"""`vlnpe review`: people accept, edit or reject instructions on a local page."""
+"""`vlnpe review`: people accept, edit or reject instructions on a local page, or write them."""
 
 import sys
 import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
 
+from ...formats.convert.episodes import DATASET_NAME
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
+from ...formats.lerobot import read_episode_unit
+from ...formats.untrusted.documents import read_json_object
 from ...formats.vlnce.files import read_episodes
 from ...instruction_gen.facts.named import read_named
+from ...instruction_gen.review.log_walks import LogWalks
 from ...instruction_gen.review.paths import Review
 from ...instruction_gen.review.server import make_server
 from ..context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episode_file import scenes_of
 from ..options.instructions import Review as ReviewOptions
+from ..stages.convert.jobs import Kind
 from ..stages.datasets.reviewed import REVIEW_NAME
 from ..stages.instructions.instruct_job import read_sights
+
+TEXTS_NAME = "texts.json"  # beside the units of a log
 
 
 def run(options: ReviewOptions) -> int:
     """Serve the page until interrupted."""
-    review = opened(options)
+    logged = units_of_log(options.run)
+    review = opened_log(options, logged) if logged else opened(options)
     server, address = make_server(review, options.port)
-    sys.stdout.write(f"{len(review.paths)} paths to review at {address}\n")
+    sys.stdout.write(f"{len(review.names)} paths to review at {address}\n")
     sys.stdout.flush()
     if options.open:
         webbrowser.open(address)
     try:
         server.serve_forever()
     except KeyboardInterrupt:
-        sys.stdout.write(f"decisions: {review.file.path}\n")
+        if isinstance(review, LogWalks):
+            how = f"`{program()} convert … --instruction {review.texts}` puts them into the dataset"
+            sys.stdout.write(f"texts: {review.texts}; {how}\n")
+        else:
+            sys.stdout.write(f"decisions: {review.file.path}\n")
     finally:
         server.server_close()
     return 0
+
+
+def units_of_log(folder: Path) -> list[Path]:
+    """Return the episodes of robots' logs that `convert` wrote into a folder, in order."""
+    parts = sorted(folder.glob(f"units/*/*/{DATASET_NAME}"))
+    notes = [read_json_object(path)["provenance"].get("converted", {}) for path in parts]
+    return [p.parent for p, note in zip(parts, notes, strict=True) if note.get("from") == Kind.ROS2]
+
+
+def opened_log(options: ReviewOptions, units: Sequence[Path]) -> LogWalks:
+    """Return the walks of a log that lack texts, or have some.
+
+    Raises:
+        InputError: They are of several datasets, so that names may occur twice.
+    """
+    datasets = sorted({unit.parent.name for unit in units})
+    if len(datasets) > 1:
+        both = ", ".join(datasets)
+        raise InputError(f"{options.run}: logs of {both}; convert each into a folder of its own")
+    texts = options.decisions or options.run / TEXTS_NAME
+    return LogWalks([read_episode_unit(unit) for unit in units], texts)
 
 
 def opened(options: ReviewOptions) -> Review:

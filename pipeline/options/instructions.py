@@ -55,12 +55,13 @@ class Review:
     """Review the instructions of a run on a local page (127.0.0.1); decisions apply at export."""
 
     run: tyro.conf.Positional[Path]
-    """A run folder, or an episode file of `instruct` (outside of a run, --scenes is required)."""
+    """A run folder, or an episode file of `instruct` (outside of a run, --scenes is required); or
+    what `convert` wrote of robots' logs, for which texts are written beside their films."""
     scenes: Path | None = None
     """Folder of repaired scenes; by default the run's."""
     decisions: Path | None = None
     """Append-only file of decisions; by default review.jsonl in the run folder, or beside the
-    file."""
+    file. Of logs: the texts that convert's --instruction reads; by default texts.json."""
     port: int = 0
     """Port of the page; 0 selects a free one."""
     open: bool = False

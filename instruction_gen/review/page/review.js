@@ -54,7 +54,8 @@ function show() {
   const both = data.agreement;
   $("progress").max = data.texts_in_all;
   $("progress").value = both.judged;
-  $("agreement").textContent = `${both.judged} of ${data.texts_in_all} judged, ${both.agreed} of ${both.judged_twice} judged twice agree`;
+  for (const key of "ar") document.querySelector(`nav [data-key="${key}"]`).hidden = data.written;
+  $("agreement").textContent = data.written ? `${both.judged} of ${data.texts_in_all} have a text` : `${both.judged} of ${data.texts_in_all} judged, ${both.agreed} of ${both.judged_twice} judged twice agree`;
   $("facts").replaceChildren(...data.facts.map((line) => element("li", "", line)));
   const film = $("film");
   film.hidden = !data.film;
@@ -143,7 +144,7 @@ document.addEventListener("keydown", (event) => {
 
 /* Do what a key says; return whether the browser must not. */
 function press(key) {
-  if (state.loading || !state.data) return false;
+  if (state.loading || !state.data || (state.data.written && "ar".includes(key))) return false;
   if (key >= "1" && key <= "9" && state.data && +key <= state.data.texts.length) { state.text = +key - 1; state.mode = ""; show(); }
   else if (key === "a") decide("accept", {});
   else if (key === "e") { state.mode = "edit"; show(); return true; }

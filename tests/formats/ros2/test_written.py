@@ -1,0 +1,60 @@
+"""Texts of a robot's log are written beside its films, and converted with it."""
+
+import json
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from tests.instruction_gen.test_review import ask, serving
+from tests.support.robot_logs import convert_log, write_log
+from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.pipeline.commands.review import opened_log, units_of_log
+from vlnpe.pipeline.options.instructions import Review
+
+pytestmark = pytest.mark.usefixtures("inline")
+
+
+def test_texts_are_written_on_the_page_and_become_the_datasets(tmp_path: Path) -> None:
+    write_log(tmp_path / "walk", seconds=4.0, hole=(1.5, 2.5))
+    status, out = convert_log(tmp_path / "walk")
+    units = units_of_log(out)
+    walks = opened_log(Review(out), units)
+    assert status == 0 and walks.names == ["walk-000", "walk-001"]
+    told = {"path": "walk-001", "number": 0, "annotator": "ann"}
+    with serving(walks) as address:
+        _, answer = ask(address, "/api/path?number=1")
+        shown = json.loads(answer)
+        assert shown["texts"][0]["text"] == "" and shown["next_unjudged"] == 0
+        end_m, start_m = shown["path"][-1], shown["path"][0]
+        assert end_m[1] > 0.5 and abs(end_m[0]) < 0.2 and start_m == [0, 0]  # ahead is up
+        _, film = ask(address, "/api/film?name=walk-001")
+        assert film == units[1].joinpath("observation.images.rgb.mp4").read_bytes()
+        for body, expected in (
+            ({"action": "edit", "text": "Go past\nthe sofa."}, 200),
+            ({"action": "edit", "text": " "}, 409),
+            ({"action": "accept"}, 409),
+            ({"action": "edit", "text": "x", "path": "walk-002"}, 400),
+        ):
+            assert ask(address, "/api/decide", told | body)[0] == expected
+        shown = json.loads(ask(address, "/api/path?number=1")[1])
+        assert (shown["texts"][0]["text"], shown["agreement"]["judged"]) == ("Go past the sofa.", 1)
+        ask(address, "/api/decide", told | {"action": "edit", "text": "No.", "path": "walk-000"})
+        ask(address, "/api/decide", told | {"action": "undo", "path": "walk-000"})
+    assert convert_log(tmp_path / "walk", "--instruction", str(walks.texts))[0] == 0
+    assert [read_episode_unit(unit).task for unit in units] == ["", "Go past the sofa."]
+    episodes = pq.read_table(out / "lerobot" / "walk" / "meta" / "episodes")
+    assert episodes["tasks"].to_pylist() == [[""], ["Go past the sofa."]]
+
+
+def test_names_of_several_logs_are_kept_apart(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        write_log(tmp_path / folder / "walk", seconds=2.0)
+        status, out = convert_log(tmp_path / folder / "walk")
+        assert status == 0
+    other = tmp_path / "a" / "out" / "units" / "walk"
+    other.rename(out / "units" / "other")
+    with pytest.raises(InputError, match="logs of other, walk; convert each into a folder"):
+        opened_log(Review(out), units_of_log(out))
