@@ -13,7 +13,7 @@ from ...formats.scene.visibility import Visibility
 from ...wayfinding.crossings import Crossing, crossings
 from .actions import find_turns
 from .climbs import BEFORE_M, climbs_of, part_of
-from .doors import DOOR, OPENING
+from .doors import DOOR, OPENING, Opening
 from .geometry import Track, track_of
 from .landmarks import PLAIN, landmarks_of
 from .level import LevelFacts
@@ -129,29 +129,39 @@ def _passages(
 ) -> tuple[PassageFact, ...]:
     result = []
     for c, visit in zip(crossed, visits, strict=False):
-        bearing = track.bearing_deg(c.along_m - BEFORE_M, c.position_xy_m)
+        opening = _opening_at(shared, c)
+        through = opening is None or opening.noun == DOOR
+        at = opening.middle_m if opening and through else c.position_xy_m
+        bearing = track.bearing_deg(c.along_m - BEFORE_M, at)
         into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.0), None)
         side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
-        side = side or (into.side if into and abs(into.angle_deg) > 45.0 else "")
+        # A walk along the wall that a door is in has it ahead and turns into it.
+        beside = not (opening and opening.is_ahead(track.heading_at_rad(c.along_m - BEFORE_M)))
+        side = side or (into.side if into and abs(into.angle_deg) > 45.0 and beside else "")
         to_room = shared.names[c.to_region]
         place = _place_in_row(landmarks, side, visit.from_m, c.along_m) if side else 0
         alike = max(0, visit.beyond.count(to_room) - 1) if to_room else 0
         result.append(
             PassageFact(
-                round(c.along_m, 2), shared.names[c.from_region], to_room, _is_doorway(shared, c),
-                bearing, side, place, alike, _thing_at(shared, c),
+                round(c.along_m, 2), shared.names[c.from_region], to_room, through, bearing, side,
+                place, alike, _thing_at(shared, c),
             )
         )  # fmt: skip
     return tuple(result)
 
 
-def _is_doorway(shared: LevelFacts, crossing: Crossing) -> bool:
-    """Return whether a step into another room goes through a doorway, not a wider opening."""
+def _opening_at(shared: LevelFacts, crossing: Crossing) -> Opening | None:
+    """Return the opening through which a step into another room goes."""
     rooms, at = {crossing.from_region, crossing.to_region}, crossing.position_xy_m
-    near = [(not rooms.issubset(o.rooms),
-             float(np.linalg.norm(np.clip(at, o.low_m, o.high_m) - at)), o.noun)
-            for o in shared.openings]  # fmt: skip
-    return min(near, default=(True, 0.0, OPENING))[2] == DOOR
+    return min(
+        shared.openings,
+        key=lambda o: (
+            not rooms.issubset(o.rooms),
+            float(np.linalg.norm(np.clip(at, o.low_m, o.high_m) - at)),
+            o.noun,
+        ),
+        default=None,
+    )
 
 
 def _place_in_row(

@@ -34,11 +34,22 @@ class Opening:
     high_m: Array
     noun: str
 
+    @property
+    def middle_m(self) -> Array:
+        """Its middle (2,) [m]."""
+        return 0.5 * (self.low_m + self.high_m)
 
-def find_openings(regions: RegionMap, objects: Sequence[LabeledObject] = ()) -> list[Opening]:
-    """Return the openings of a level; `objects` may be door leaves."""
-    leaves = [(np.array(o.lower_m[:2]), np.array(o.upper_m[:2])) for o in objects
-              if noun_of(o.category) == "door"]  # fmt: skip
+    def is_ahead(self, heading_rad: float) -> bool:
+        """Return whether it is plainly in a wall across a heading, not in one along it."""
+        heading, size_m = (
+            np.abs((np.cos(heading_rad), np.sin(heading_rad))),
+            self.high_m - self.low_m,
+        )
+        return bool(heading @ size_m[::-1] > 2.0 * (heading @ size_m))
+
+
+def find_openings(regions: RegionMap, leaves: Sequence[LabeledObject] = ()) -> list[Opening]:
+    """Return the openings of a level, in some of which door leaves hang."""
     cells, pairs = _borders(regions)
     border = np.zeros(regions.region.shape, dtype=bool)
     border[cells[:, 0], cells[:, 1]] = True
@@ -53,11 +64,26 @@ def find_openings(regions: RegionMap, objects: Sequence[LabeledObject] = ()) -> 
         low, high = xy_m[here].min(0), xy_m[here].max(0)
         sizes = [np.ptp(xy_m[here & (pairs == pair).all(1)], axis=0)
                  for pair in np.unique(pairs[here], axis=0)]  # fmt: skip
-        hung = any(((a <= high + _LEAF_M) & (b >= low - _LEAF_M)).all() for a, b in leaves)
+        hung = any(_at(leaf, low, high) for leaf in leaves)
         narrow = max(float(np.hypot(*size)) for size in sizes) <= _DOOR_M
         rooms = tuple(np.unique(pairs[here]).tolist())
         result.append(Opening(rooms, low, high, DOOR if narrow or hung else OPENING))
     return result
+
+
+def shut_doors(leaves: Sequence[LabeledObject], openings: Sequence[Opening]) -> list[LabeledObject]:
+    """Return the door leaves that hang in no opening, as a front door does: people count them."""
+    return [leaf for leaf in leaves if not any(_at(leaf, o.low_m, o.high_m) for o in openings)]
+
+
+def is_door(thing: LabeledObject) -> bool:
+    """Return whether an object is a door's leaf or its frame."""
+    return noun_of(thing.category) == "door"
+
+
+def _at(leaf: LabeledObject, low_m: Array, high_m: Array) -> bool:
+    low, high = np.array(leaf.lower_m[:2]), np.array(leaf.upper_m[:2])
+    return bool(((low <= high_m + _LEAF_M) & (high >= low_m - _LEAF_M)).all())
 
 
 def as_thing(opening: Opening, number: int, level: int, floor_z_m: float) -> LabeledObject:

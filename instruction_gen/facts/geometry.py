@@ -38,11 +38,18 @@ class Track:
 
     def bearing_deg(self, along_m: float, to_xy_m: Array) -> float:
         """Return the direction to a place (2,) [m] from a place of the path, left is positive."""
-        k = int(np.searchsorted(self.along_m, max(0.0, along_m)))
-        k = min(k, len(self.along_m) - 1)
+        k = self._sample_at(along_m)
         to = to_xy_m - self.points_m[k]
         bearing = np.rad2deg(np.arctan2(to[1], to[0]) - self.heading_rad[k])
         return round(float((bearing + 180) % 360 - 180), 1)
+
+    def heading_at_rad(self, along_m: float) -> float:
+        """Return the heading of the walk at a place of the path."""
+        return float(self.heading_rad[self._sample_at(along_m)])
+
+    def _sample_at(self, along_m: float) -> int:
+        k = int(np.searchsorted(self.along_m, max(0.0, along_m)))
+        return min(k, len(self.along_m) - 1)
 
 
 @dataclass(frozen=True)

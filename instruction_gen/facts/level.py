@@ -10,9 +10,11 @@ from ...formats.scene.bundle import LabeledObject, SceneBundle
 from ...formats.scene.staircase import Staircase
 from ...wayfinding.regions import ROOM_PREFIX, RegionMap, region_map
 from ..language.nouns import noun_of
-from .doors import Opening, as_thing, find_openings
+from .doors import DOOR, Opening, as_thing, find_openings, is_door, shut_doors
 from .named import NamedRoom
 from .rooms import room_names, rooms_of_boxes
+
+_DOOR_HEIGHT_M = 1.7
 
 
 @dataclass(frozen=True)
@@ -72,12 +74,16 @@ class LevelFacts:
         if "stairs" not in (noun_of(t.category) for t in things):
             things += [_stairs(s, k, level) for k, s in enumerate(bundle.staircases)
                        if level in s.levels]  # fmt: skip
-        openings = find_openings(regions, things)
+        doors = [t for t in things if is_door(t)]
+        openings = find_openings(regions, doors)
         floor_z_m = bundle.level_floor_z_m[level]
         # A door's leaf and its frame are the doorway that they stand in.
-        things = [t for t in things if noun_of(t.category) != "door"]
+        shut = shut_doors([t for t in doors if _stands(t, floor_z_m)], openings)
+        things = [t for t in things if t not in doors]
+        nouns = [noun_of(t.category) for t in things] + [DOOR] * len(shut)
+        nouns += [o.noun for o in openings]
+        things += shut
         leads = [()] * len(things)
-        nouns = [noun_of(t.category) for t in things] + [o.noun for o in openings]
         things += [as_thing(o, n, level, floor_z_m) for n, o in enumerate(openings, start=1)]
         low = np.array([t.lower_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
         high = np.array([t.upper_m[:2] for t in things], dtype=np.float64).reshape(-1, 2)
@@ -88,6 +94,11 @@ class LevelFacts:
             rooms_of_boxes(regions, names, low, high), names, tuple(openings), tuple(leads),
             unnamed,
         )  # fmt: skip
+
+
+def _stands(door: LabeledObject, floor_z_m: float) -> bool:
+    """Return whether a door reaches from the floor to over one's head, not one of a cupboard."""
+    return door.lower_m[2] < floor_z_m + 0.3 and door.upper_m[2] > floor_z_m + _DOOR_HEIGHT_M
 
 
 def _stairs(stairs: Staircase, number: int, level: int) -> LabeledObject:
@@ -102,7 +113,8 @@ def _stairs(stairs: Staircase, number: int, level: int) -> LabeledObject:
 
 _STRUCTURE = frozenset(
     """wall,floor,ceiling,roof,beam,board,misc,object,other,unknown,opening,doorway,room,window,frame,
-door frame,window frame,wall face,invisible wall face,global mesh""".replace("\n", "").split(",")
+door frame,window frame,wall face,invisible wall face,global mesh,
+banister""".replace("\n", "").split(",")
 )
 
 

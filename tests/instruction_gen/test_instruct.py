@@ -95,6 +95,23 @@ def test_ways_that_end_anywhere_behind_a_door_without_names_have_texts(two_rooms
             assert not any("few" in text.text for text in texts)
 
 
+def test_a_door_in_the_wall_ahead_is_on_no_side_though_the_path_turns_in_it(two_rooms):
+    for to in (((3.9, 2.0), (4.4, 1.0), (4.5, 0.6)), ((4.0, 2.0), (4.3, 2.7), (4.4, 3.5))):
+        (passage,) = facts_of([(1.0, 2.0), *to], two_rooms).passages
+        assert (passage.side, passage.ordinal) == ("", 0)
+        assert abs(passage.bearing_deg) < 5.0
+
+
+@pytest.mark.parametrize(("height_m", "ordinal"), [(2.0, 2), (0.9, 1)])
+def test_a_shut_door_is_counted_among_the_doors_and_one_of_a_cupboard_is_not(
+    two_rooms, height_m, ordinal
+):
+    leaf = LabeledObject("Leaf", "door", (3.9, 0.6, 0.0), (4.1, 1.1, height_m), 0)
+    bundle = replace(two_rooms, objects=(*two_rooms.objects, leaf))
+    (passage,) = facts_of([(4.9, 0.2), (4.9, 2.0), (3.0, 2.0), (0.9, 2.4)], bundle).passages
+    assert (passage.side, passage.ordinal) == ("left", ordinal)
+
+
 def test_turn_room_and_goal_are_mentioned(two_rooms):
     for seed in range(8):
         (one,) = composed_of(LEFT, two_rooms, seed)
