@@ -8,17 +8,17 @@ A legged base sways with every step, so that the length of its 100 Hz track grow
 As in VLN-CE, paths are therefore measured at action boundaries, four times a second.
 """
 
+import itertools
 import math
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.distance import cdist
 
-from ...formats.core.arrays import Array
+from ...formats.core.arrays import Array, Floats
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length, space_evenly
 from ...formats.core.rollout import STATE_RATE_HZ, EndReason, Metrics
-from ...formats.process.kernel import kernel
 from ...formats.scene.freemap import Freemap
 from ...wayfinding.storeys import Storeys, distance_on
 
@@ -37,17 +37,14 @@ def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:
     return float(_least_cost(cdist(np.asarray(a_m, np.float64), np.asarray(b_m, np.float64))))
 
 
-@kernel()
-def _least_cost(cost):
+def _least_cost(cost: Floats) -> float:
     """Return the least sum over a matrix from corner to corner, by steps down, right, or both."""
-    total = np.empty(cost.shape[1])
-    total[0] = cost[0, 0]
-    for j in range(1, len(total)):
-        total[j] = total[j - 1] + cost[0, j]
-    for i in range(1, len(cost)):
-        diagonal, total[0] = total[0], total[0] + cost[i, 0]
-        for j in range(1, len(total)):
-            diagonal, total[j] = total[j], cost[i, j] + min(total[j], diagonal, total[j - 1])
+    rows = cost.tolist()  # as many as a path has steps: a loop takes milliseconds
+    total = list(itertools.accumulate(rows[0]))
+    for row in rows[1:]:
+        diagonal, total[0] = total[0], total[0] + row[0]
+        for j in range(1, len(row)):
+            diagonal, total[j] = total[j], row[j] + min(total[j], diagonal, total[j - 1])
     return total[-1]
 
 

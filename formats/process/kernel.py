@@ -15,8 +15,10 @@ from typing import Any, TypeVar, cast
 
 import numba
 from numba.core import config, event
+from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler_lock import global_compiler_lock
 
+from .parts import KernelCompiler, libraries
 from .source import ROOT, code_digest
 
 _compiling = event.TimingListener()
@@ -25,8 +27,10 @@ event.register("numba:compile", _compiling)
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-def kernel(**options: Any) -> Callable[[Function], Function]:
+def kernel(level: int = 2, **options: Any) -> Callable[[Function], Function]:
     """Return `numba.njit(cache=True, nogil=True, **options)`, cached for each state of the code.
+
+    LLVM optimises it at a `level`: 3 takes a sixth longer, which what runs per ray or pixel repays.
 
     Other threads of Python run while a kernel does. Of several processes that call a kernel for
     the first time, one compiles it and the others wait for its cache.
@@ -42,8 +46,9 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         folder = cache_folder() / code_digest(function.__module__)[:16]
         settings.CACHE_DIR = str(folder)
         try:
+            njit: Any = numba.njit
             always = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
-            dispatcher: Any = numba.njit(**always, **options)(function)
+            dispatcher: Any = njit(pipeline_class=KernelCompiler, **always, **options)(function)
         finally:
             settings.CACHE_DIR = before
         compile_or_load = dispatcher.compile
@@ -53,7 +58,8 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
             with global_compiler_lock, (folder / f"{function.__qualname__}.lock").open("w") as lock:
                 with contextlib.suppress(OSError):  # a file system without locks
                     fcntl.flock(lock, fcntl.LOCK_EX)
-                return compile_or_load(signature)
+                with libraries(JITCodeLibrary, level):
+                    return compile_or_load(signature)
 
         dispatcher.compile = compile_once
         return cast(Function, dispatcher)

@@ -3,9 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.arrays import Array, Floats, Mask
+from ..core.arrays import I32, Array, Floats, Mask
 from ..core.geometry import triangle_cross
-from ..process.kernel import kernel
 from .grid import GridSpec
 
 
@@ -56,24 +55,20 @@ def _outline(triangles: Array, z_m: float) -> Array:
     return ends[count == 2]
 
 
-@kernel()
-def _count(segments, winding, sign):
+def _count(segments: Array, winding: I32, sign: int) -> None:
     """Count winding numbers of the centres by the crossings on their left [0] and right [1]."""
     rows, columns = winding.shape[1:]
-    for n in range(len(segments)):
-        x0, y0 = segments[n, 0]
-        x1, y1 = segments[n, 1]
-        upward = 1 if y1 > y0 else -1
-        low, high = min(y0, y1), max(y0, y1)
-        for i in range(max(int(np.ceil(low)), 0), min(int(np.ceil(high)), rows)):
-            x = x0 + (i - y0) / (y1 - y0) * (x1 - x0)
-            first = min(max(int(np.ceil(x)), 0), columns)
-            if first < columns:
-                winding[0, i, first] -= sign * upward
-            if first > 0:
-                winding[1, i, first - 1] += sign * upward
-    for i in range(rows):
-        for j in range(1, columns):
-            winding[0, i, j] += winding[0, i, j - 1]
-        for j in range(columns - 2, -1, -1):
-            winding[1, i, j] += winding[1, i, j + 1]
+    (x0, y0), (x1, y1) = segments[:, 0].T, segments[:, 1].T
+    first = np.maximum(np.ceil(np.minimum(y0, y1)).astype(np.int64), 0)
+    end = np.minimum(np.ceil(np.maximum(y0, y1)).astype(np.int64), rows)
+    count = np.maximum(end - first, 0)
+    n = np.repeat(np.arange(len(segments)), count)
+    row = np.arange(len(n)) + (first - np.cumsum(count) + count)[n]
+    x = x0[n] + (row - y0[n]) / (y1[n] - y0[n]) * (x1[n] - x0[n])
+    column = np.clip(np.ceil(x).astype(np.int64), 0, columns)
+    turn = np.where(y1 > y0, sign, -sign)[n]
+    right, left = column < columns, column > 0
+    np.subtract.at(winding[0], (row[right], column[right]), turn[right])
+    np.add.at(winding[1], (row[left], column[left] - 1), turn[left])
+    np.cumsum(winding[0], axis=1, out=winding[0])
+    np.cumsum(winding[1, :, ::-1], axis=1, out=winding[1, :, ::-1])

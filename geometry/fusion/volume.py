@@ -62,7 +62,7 @@ class DistanceVolume:
         _integrate(self.value, self.weight, depth_m, step, offset, scale, box)
 
 
-@kernel()
+@kernel(3)
 def _enclose(depth, focal, rotation, position, low, high):
     """Extend the box from `low` to `high` (3,) by the points that a depth image shows."""
     rows, columns = depth.shape
@@ -79,7 +79,7 @@ def _enclose(depth, focal, rotation, position, low, high):
 
 
 # By numpy's rules a division has no test for zero, which would keep loops from being vector code.
-@kernel(error_model="numpy")
+@kernel(3, error_model="numpy")
 def _integrate(value, weight, depth, step, offset, scale, box):
     """Fuse a depth image into the voxels of `box`, its first and last (exclusive) index.
 

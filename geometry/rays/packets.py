@@ -193,7 +193,7 @@ def fill_list(rays, bits, n, first, origins, directions, far):
             bits[VALID + k] = 0
 
 
-@kernel()
+@kernel(3)
 def _trace(scene, arguments, rays, n, origins, directions, hits):
     bits = rays.view(np.int32)
     valid = rays.ctypes.data + 4 * VALID
@@ -213,7 +213,7 @@ def _trace(scene, arguments, rays, n, origins, directions, hits):
                 hits.normal[i, axis] = rays[(NORMAL + axis) * n + k]
 
 
-@kernel()
+@kernel(3)
 def _occluded(scene, arguments, rays, n, origins, directions, out):
     bits = rays.view(np.int32)
     valid = rays.ctypes.data + 4 * VALID

@@ -36,7 +36,7 @@ RADIX_BITS = 11
 TILE_BITS = 4
 
 
-@kernel()
+@kernel(3)
 def count_unfinished(light, columns, unfinished):
     """Write how many unfinished pixels lie above and to the left of each corner of a pixel.
 
@@ -57,7 +57,7 @@ def count_unfinished(light, columns, unfinished):
             unfinished[y + 1, x + 1] = unfinished[y, x + 1] + row
 
 
-@kernel()
+@kernel(3)
 def split_by_depth(rows, waiting, count, limit, unfinished):
     """Return copies of the rows nearer than `limit` [m], by depth, and the number of other rows.
 
@@ -117,7 +117,7 @@ def split_by_depth(rows, waiting, count, limit, unfinished):
     return sorted_rows, m
 
 
-@kernel()
+@kernel(3)
 def list_tiles(rows, alive):
     """Return the rows of each unfinished tile, in their order, and where the tile's list starts."""
     tile_rows, columns = alive.shape
@@ -151,7 +151,7 @@ def list_tiles(rows, alive):
     return listed, starts
 
 
-@kernel(fastmath={"nnan", "nsz", "arcp", "contract", "afn"}, error_model="numpy")
+@kernel(3, fastmath={"nnan", "nsz", "arcp", "contract", "afn"}, error_model="numpy")
 def blend_tiles(rows, lists, alive, size, image, table):
     """Blend lists of Gaussians into the tiles (Kerbl et al., 2023, equation 3).
 

@@ -22,7 +22,7 @@ FRAME_MARGIN = 1.3
 COLUMNS = 15
 
 
-@kernel()
+@kernel(3)
 def cull_chunks(low, high, reach, rotation, eye, view, depth):
     """Write the least depth of each chunk's centres (C,) [m]; inf where none is in view.
 
@@ -57,7 +57,7 @@ def cull_chunks(low, high, reach, rotation, eye, view, depth):
         depth[c] = max(least, near)
 
 
-@kernel(error_model="numpy")
+@kernel(3, error_model="numpy")
 def project_chunks(chunks, scene, bounds, eye, unfinished, out, first):
     """Project the Gaussians of `chunks` into rows of `out` from `first` on; return their end.
 
@@ -159,7 +159,7 @@ def project_chunks(chunks, scene, bounds, eye, unfinished, out, first):
     return k
 
 
-@kernel(inline="always")
+@kernel(3, inline="always")
 def any_unfinished(unfinished, x0, x1, y0, y1):
     """Return whether a rectangle [px] holds the centre of an unfinished pixel."""
     left, top = max(math.ceil(x0), 0), max(math.ceil(y0), 0)
@@ -171,7 +171,7 @@ def any_unfinished(unfinished, x0, x1, y0, y1):
     return count - unfinished[bottom, left] + unfinished[top, left] > 0
 
 
-@kernel()
+@kernel(3)
 def _hidden(bounds, c, eye, unfinished):
     """Return whether a chunk can only touch finished pixels."""
     low, high, reach = bounds
@@ -199,7 +199,7 @@ def _hidden(bounds, c, eye, unfinished):
     )
 
 
-@kernel()
+@kernel(3)
 def _shade(color, harmonics, g, direction, out, k):
     """Write the colour of a Gaussian as seen along a direction (3,)."""
     dx, dy, dz = direction

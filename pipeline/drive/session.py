@@ -30,9 +30,9 @@ from ...wayfinding.planning import floor_z
 from ..collect.run import Run
 from ..options.viewer import Drive as Options
 from ..stages.rollouts import drive_items
-from ..stages.rollouts.render_job import scene_renderer
 from ..stages.rollouts.replay_items import item_names
 from ..stages.rollouts.replay_job import Walker, open_level
+from ..stages.scenes.renderer import scene_renderer
 from ..summary import has_display
 from .desk import Desk
 from .loop import LEFT, Seat, drive_live

@@ -129,7 +129,7 @@ def _drawn(scene: Path, rollout: Rollout, robot: RobotSpec, seen: str) -> Shots 
     from ...rendering.camera.rollout_frames import RolloutFrames
     from ...rendering.camera.views import named_view
     from ...rendering.registry import AUTO, scene_renderer_name
-    from ..stages.rollouts.render_job import scene_renderer
+    from ..stages.scenes.renderer import scene_renderer
 
     view = named_view(seen, robot, scene_renderer_name(scene, AUTO))
     _, renderer = scene_renderer(scene, view.renderer, view.light)

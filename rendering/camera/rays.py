@@ -9,7 +9,7 @@ from ...formats.process.kernel import kernel
 SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)
 
 
-@kernel()
+@kernel(3)
 def fill_directions(
     rotation: Array,
     focal_px: float,
@@ -36,7 +36,7 @@ def fill_directions(
             k += 1
 
 
-@kernel()
+@kernel(3)
 def subpixel_directions(
     pixels: I32,
     subpixels: F32,

@@ -18,7 +18,7 @@ def _contrast(rgb: U8, i: np.uint64, j: np.uint64) -> np.int32:
     return max(red, green, blue)
 
 
-@kernel(**UNCOUNTED)
+@kernel(3, **UNCOUNTED)
 def find_edges(
     rgb: U8,
     depth: F32,
@@ -73,7 +73,7 @@ def find_edges(
                     marked[j] = True
 
 
-@kernel(**UNCOUNTED)
+@kernel(3, **UNCOUNTED)
 def in_order(order: I32, marked: Mask, out: I32) -> int:
     """Write the marked pixels to `out` in the order of `order`, which has −1 for none.
 
@@ -89,7 +89,7 @@ def in_order(order: I32, marked: Mask, out: I32) -> int:
     return count
 
 
-@kernel()
+@kernel(3)
 def add_samples(samples: F32, count: int, pixels: I32, color: F32) -> F32:
     """Return the mean (K, 3) of each pixel's own colour in `color` (N, 3) and its `count` samples.
 

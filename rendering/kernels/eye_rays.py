@@ -18,7 +18,7 @@ from .texture_sampling import footprint, prefetch_texels, sample_texture
 f32 = np.float32
 
 
-@kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
+@kernel(3, error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def render_rays(
     order: I32,
     directions: F32,

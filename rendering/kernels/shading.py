@@ -11,7 +11,7 @@ from .surface_light import background, exposed, incident, robot_shadow, viewer_s
 f32 = np.float32
 
 
-@kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
+@kernel(3, error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def shade_robot(
     rays: I64,
     directions: F32,
@@ -71,7 +71,7 @@ def _between(corner: F32, face, w, u, v):
     )
 
 
-@kernel(error_model="numpy", fastmath=FAST, **UNCOUNTED)
+@kernel(3, error_model="numpy", fastmath=FAST, **UNCOUNTED)
 def light_pixels(
     rgb: U8,
     depth: F32,

@@ -31,7 +31,7 @@ def encode_table() -> U8:
     return np.round(to_srgb(np.arange(ENCODE_STEPS + 1) / ENCODE_STEPS) * 255.0).astype(np.uint8)
 
 
-@kernel()
+@kernel(3)
 def encode_srgb(linear: F32, table: U8, out: U8) -> None:
     """Write linear light (N, 3) as sRGB bytes to `out` (N, 3) through `encode_table()`."""
     steps = np.float32(table.shape[0] - 1)

@@ -90,8 +90,12 @@ def pack_textures(pyramids: Iterable[list[NDArray[np.uint32]]]) -> TexturePack:
         for level, mip in enumerate(mips):
             offset[level] = position
             size_px[level] = mip.shape[1], mip.shape[0]
-            chunks.append(np.pad(mip, (0, 1), mode="wrap").ravel())
-            position += chunks[-1].size
+            height, width = mip.shape
+            wrapped = np.empty((height + 1, width + 1), dtype=np.uint32)
+            wrapped[:height, :width], wrapped[height, :width] = mip, mip[0]
+            wrapped[:, width] = wrapped[:, 0]
+            chunks.append(wrapped.ravel())
+            position += wrapped.size
         offsets.append(offset)
         sizes.append(size_px)
         levels.append(len(mips))
@@ -151,7 +155,7 @@ def _image_size(path: Path) -> tuple[int, int]:
 
 
 def _read_rgb(path: Path) -> U8:
-    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR)
+    image = cv2.imdecode(np.fromfile(path, dtype=np.uint8), cv2.IMREAD_COLOR_RGB)
     if image is None:
         raise FileFormatError(path, "the texture is damaged; repair the scene again")
-    return np.ascontiguousarray(image[..., ::-1], dtype=np.uint8)
+    return np.asarray(image, dtype=np.uint8)

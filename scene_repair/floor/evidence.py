@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...formats.core.arrays import I32, Array, Mask
-from ...formats.process.kernel import kernel
 from ...formats.scene.grid import GridSpec
 from ..grid.columns import Columns
 from ..grid.height_field import smooth
@@ -92,7 +91,7 @@ def gather_evidence(
     reference = smooth(smooth(plain))
     everywhere = reference[nearest_in(np.isfinite(reference))]
     flat = (np.abs(mesh.normals[:, 2]) >= COVER_NORMAL_Z) & ~ignore
-    z, face = _cover(columns.start, columns.z, columns.face, flat, everywhere.ravel(), cover_m)
+    z, face = _cover(columns, flat, everywhere.ravel(), cover_m)
     shape = columns.grid.shape
     z, face = z.reshape(shape), face.reshape(shape)
     above = columns.z - everywhere.ravel()[columns.cell]
@@ -143,18 +142,18 @@ def _walls(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> tuple[Mask, Mas
     return tall, high & ~tall
 
 
-@kernel()
-def _cover(start, z, face, flat, reference, limit):
-    """Find per cell the flat sample nearest to the reference height within `limit`."""
-    cells = len(start) - 1
-    z_out = np.full(cells, np.nan)
-    face_out = np.full(cells, -1, dtype=np.int32)
-    for c in range(cells):
-        best = limit
-        for k in range(start[c], start[c + 1]):
-            gap = abs(z[k] - reference[c])
-            if flat[face[k]] and gap <= best:
-                best = gap
-                z_out[c] = z[k]
-                face_out[c] = face[k]
+def _cover(columns: Columns, flat: Mask, reference_m: Array, limit_m: float) -> tuple[Array, I32]:
+    """Find per cell the height and face of the flat sample nearest to a reference height.
+
+    Of samples that are as near the last one, the upper one, is taken; NaN and -1 stand where none
+    is within the limit.
+    """
+    z_out = np.full(len(reference_m), np.nan)
+    face_out = np.full(len(reference_m), -1, dtype=np.int32)
+    gap = np.abs(columns.z - reference_m[columns.cell])
+    near = np.flatnonzero(flat[columns.face] & (gap <= limit_m))
+    # The last one written to a cell stays.
+    order = near[np.lexsort((near, -gap[near]))]
+    z_out[columns.cell[order]] = columns.z[order]
+    face_out[columns.cell[order]] = columns.face[order]
     return z_out, face_out

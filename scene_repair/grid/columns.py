@@ -95,39 +95,23 @@ def top_faces(vertices_m: Array, faces: I64, corner_uv: F32, grid: GridSpec) -> 
     columns = sample_columns(vertices_m, faces, grid)
     face = np.full(grid.shape, -1, dtype=np.int32)
     uv = np.zeros((*grid.shape, 2), dtype=np.float32)
-    hits = (columns.start, columns.z, columns.face)
+    end = columns.start[1:]
+    hit = np.flatnonzero(end > columns.start[:-1])
+    top, lowest = end[hit] - 1, columns.start[hit]
+    # Of faces in one place the first is taken.
+    while (same := (top > lowest) & (columns.z[top - 1] == columns.z[top])).any():
+        top -= same
+    row, column = np.divmod(hit, grid.columns)
+    face[row, column] = f = columns.face[top]
     scaled = (vertices_m[:, :2] - grid.origin_xy_m) / grid.cell_m
-    triangles = (scaled, np.ascontiguousarray(faces, dtype=np.int64), corner_uv)
-    _find_top(hits, triangles, face, uv)
+    (ax, ay), (bx, by), (cx, cy) = (scaled[faces[f, k]].T for k in range(3))
+    x, y = column + 0.5, row + 0.5
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    u = (((bx - x) * (cy - y) - (by - y) * (cx - x)) / area)[:, None]
+    v = (((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area)[:, None]
+    corners = corner_uv[f]
+    uv[row, column] = u * corners[:, 0] + v * corners[:, 1] + (1.0 - u - v) * corners[:, 2]
     return face, uv
-
-
-# Faces without an area in the grid are never hit.
-@kernel(error_model="numpy")
-def _find_top(hits, triangles, face_out, uv_out):
-    start, z, face = hits
-    points, faces, corner_uv = triangles
-    rows, columns = face_out.shape
-    for i in range(rows):
-        for j in range(columns):
-            cell = i * columns + j
-            k = start[cell + 1] - 1
-            if k < start[cell]:
-                continue
-            # Of faces in one place the first is taken.
-            while k > start[cell] and z[k - 1] == z[k]:
-                k -= 1
-            f, x, y = face[k], j + 0.5, i + 0.5
-            ax, ay = points[faces[f, 0], 0], points[faces[f, 0], 1]
-            bx, by = points[faces[f, 1], 0], points[faces[f, 1], 1]
-            cx, cy = points[faces[f, 2], 0], points[faces[f, 2], 1]
-            area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-            u = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
-            v = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
-            face_out[i, j] = f
-            for d in range(2):
-                uv = u * corner_uv[f, 0, d] + v * corner_uv[f, 1, d]
-                uv_out[i, j, d] = uv + (1.0 - u - v) * corner_uv[f, 2, d]
 
 
 @kernel()

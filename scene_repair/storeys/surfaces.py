@@ -1,5 +1,6 @@
 """Connected horizontal surfaces: floors, table tops, beds, stair treads, ceilings."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ MIN_NORMAL_Z = 0.85
 # … and stepping from cell to neighbouring cell by at most this much.
 STEP_M = 0.025
 # Of surfaces closer together than this (a rug on its floor) only the upper one is seen.
-STACK_M = 0.035
+STACK_M = np.float64(0.035)  # compared with heights in float32
 # A person stands where this much is free above.
 STANDING_M = 1.6
 
@@ -42,11 +43,11 @@ def find_surfaces(columns: Columns, normal_z: Array, ignore: Mask, clear_m: floa
     """
     cell, z, face = columns.cell, columns.z.astype(np.float64), columns.face
     level = (np.abs(normal_z) >= MIN_NORMAL_Z)[face] & ~ignore[face]
-    clear = _clearance(columns.start, columns.z, STACK_M)
-    hidden = _hidden(columns.start, columns.z, np.ones(len(z), dtype=np.bool_), STACK_M)
+    clear = _clearance(columns, STACK_M)
+    hidden = _hidden(columns, np.ones(len(z), dtype=np.bool_), STACK_M)
     # A ceiling in the plane of the floor above it, as storeys stacked by an exporter have, does not
     # hide that floor; the underside of a box does, because there is no room to stand in it.
-    ceiled = hidden & (clear >= STANDING_M) & ~_hidden(columns.start, columns.z, level, STACK_M)
+    ceiled = hidden & (clear >= STANDING_M) & ~_hidden(columns, level, STACK_M)
     index = np.flatnonzero(level & (~hidden | ceiled) & (clear >= clear_m))
     part = connected(cell[index], z[index], columns.grid, STEP_M)
     count = int(part.max()) + 1 if len(part) else 0
@@ -65,32 +66,31 @@ def connected(cell: I64, z_m: Array, grid: GridSpec, step_m: float) -> I64:
     return np.unique(parent, return_inverse=True)[1].astype(np.int64)
 
 
-@kernel()
-def _clearance(start, z, stack):
+def _clearance(columns: Columns, stack: np.float64) -> Array:
     """Return the free height above every sample up to the next one outside its own stack."""
-    clear = np.full(len(z), np.inf)
-    for c in range(len(start) - 1):
-        for k in range(start[c], start[c + 1]):
-            for m in range(k + 1, start[c + 1]):
-                gap = z[m] - z[k]
-                if gap >= stack:
-                    clear[k] = gap
-                    break
+    z, end = columns.z, columns.start[1:][columns.cell]
+    clear, below = np.full(len(z), np.inf), np.arange(len(z))
+    for above in itertools.count(1):
+        below = below[below + above < end[below]]
+        if not len(below):
+            break
+        gap = z[below + above] - z[below]
+        free = gap >= stack
+        clear[below[free]] = gap[free]
+        below = below[~free]
     return clear
 
 
-@kernel()
-def _hidden(start, z, marked, stack):
+def _hidden(columns: Columns, marked: Mask, stack: np.float64) -> Mask:
     """Return which samples have a marked one just above them."""
-    hidden = np.zeros(len(z), dtype=np.bool_)
-    for c in range(len(start) - 1):
-        for k in range(start[c], start[c + 1]):
-            for m in range(k + 1, start[c + 1]):
-                if z[m] - z[k] >= stack:
-                    break
-                if marked[m]:
-                    hidden[k] = True
-                    break
+    z, end = columns.z, columns.start[1:][columns.cell]
+    hidden, below = np.zeros(len(z), dtype=bool), np.arange(len(z))
+    for above in itertools.count(1):
+        below = below[below + above < end[below]]
+        below = below[z[below + above] - z[below] < stack]
+        if not len(below):
+            break
+        hidden[below] |= marked[below + above]
     return hidden
 
 

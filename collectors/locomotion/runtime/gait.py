@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....formats.core.arrays import I64, Array, Mask
-from ....formats.process.kernel import kernel
+from ....formats.process.kernel import called, kernel
 from ...robots import POLICY_DECIMATION, TIMESTEP_S
 
 # The monomials of a calibration: which of vx, vy and yaw are multiplied.
@@ -90,8 +90,8 @@ class GaitClock:
         lead_cycles: how far the reference runs ahead of the clock, because soft servos lag.
         turn_lead_s: a body's velocity trails its heading in a turn by about this time, so the steps
             aim ahead by as much.
-        aim: 3 rows of coefficients of `monomials`: what to ask for beyond vx, vy and yaw so that
-            they are reached; none for a gait that was not calibrated.
+        aim: 3 rows of coefficients of the monomials `FACTORS`: what to ask for beyond vx, vy and
+            yaw so that they are reached; none for a gait that was not calibrated.
         aim_limits: 3 ranges of vx, vy and yaw that may be asked for.
         stand_linear_m_s, stand_yaw_rad_s: commands below both mean "stand still".
         brake_m_s2, brake_rad_s2: a command that falls is followed no faster than this; one that
@@ -139,7 +139,7 @@ class GaitClock:
     def aimed(self, command: Array) -> Array:
         """Return (N, 3) what policy and reference must be asked for to reach (N, 3) commands."""
         result = np.empty_like(command)
-        aim_at(self.tables, command, result)
+        _aim(self.tables, command, result)
         return result
 
     def foot_phase(self, phase: Array) -> Array:
@@ -149,7 +149,7 @@ class GaitClock:
     def reference(self, phase: Array, moving: Mask, command: Array) -> Array:
         """Return (N, J) joint offsets [rad] of the reference at phases (N,) for commands (N, 3)."""
         offsets = np.empty((len(phase), len(self.stand_rad)))
-        refer(self.tables, phase, moving, command, offsets)
+        _refer(self.tables, phase, moving, command, offsets)
         return offsets
 
     @cached_property
@@ -180,7 +180,7 @@ class GaitClock:
         )
 
 
-@kernel()
+@called()
 def catch(tables, state, body, target):
     """Let standing robots that were pushed walk after their base: overwrite `target` (N, 3).
 
@@ -201,7 +201,7 @@ def catch(tables, state, body, target):
             target[n, 0], target[n, 1] = rates[8] * body[n, 0], rates[8] * body[n, 1]
 
 
-@kernel()
+@called()
 def tick(tables, state, target):
     """Advance the clocks of N robots by one step under target commands (N, 3), in place."""
     # Arrays are taken out of tuples first: numba counts references wherever one is touched.
@@ -227,19 +227,7 @@ def tick(tables, state, target):
         stepping[n] = moving
 
 
-@kernel()
-def monomials(command, factors):
-    """Return (N, 19) monomials of degrees 1 to 3 of (N, 3) commands, without a constant."""
-    terms = np.ones((len(command), len(factors)))
-    for n in range(len(command)):
-        for term in range(len(factors)):
-            for factor in factors[term]:
-                if factor < 3:
-                    terms[n, term] *= command[n, factor]
-    return terms
-
-
-@kernel()
+@called()
 def aim_at(tables, target, command):
     """Write to `command` (N, 3) what must be asked for to reach `target` (N, 3)."""
     aim, limits, factors = tables.aim, tables.aim_limits, tables.factors
@@ -248,15 +236,19 @@ def aim_at(tables, target, command):
             command[n, axis] = target[n, axis]
     if not len(aim):
         return
-    terms = monomials(target, factors)
     for n in range(len(target)):
+        for term in range(len(factors)):
+            value = 1.0
+            for factor in factors[term]:
+                if factor < 3:
+                    value *= target[n, factor]
+            for axis in range(3):
+                command[n, axis] += aim[axis, term] * value
         for axis in range(3):
-            for term in range(len(factors)):
-                command[n, axis] += aim[axis, term] * terms[n, term]
             command[n, axis] = min(max(command[n, axis], limits[axis, 0]), limits[axis, 1])
 
 
-@kernel()
+@called()
 def refer(tables, phase, moving, command, offsets):
     """Write the reference's joint offsets (N, J) [rad] at phases (N,) for commands (N, 3)."""
     rates, stand, motion, feet = tables.rates, tables.stand, tables.motion, tables.feet
@@ -283,3 +275,13 @@ def refer(tables, phase, moving, command, offsets):
                     + left * motion[3, f, j]
                     + cosine * yaw * motion[4, f, j]
                 )
+
+
+@kernel()
+def _aim(tables, target, command):
+    aim_at(tables, target, command)
+
+
+@kernel()
+def _refer(tables, phase, moving, command, offsets):
+    refer(tables, phase, moving, command, offsets)

@@ -129,7 +129,7 @@ def _spans(groups: F32) -> I64:
     return np.column_stack([first, end]).astype(np.int64)
 
 
-@kernel()
+@kernel(3)
 def _run(seen, sizes, spans, weights, biases, work, action):
     zero = np.float32(0.0)
     count = seen.shape[0]

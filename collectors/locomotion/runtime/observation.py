@@ -58,7 +58,7 @@ def states_of(qpos: Array, qvel: Array, handles: RobotHandles) -> RobotState:
     """
     places = Places.of(handles)
     body = np.empty((len(qpos), body_width(len(places.joint_qpos))))
-    true_body(qpos, qvel, places, body)
+    _true_bodies(qpos, qvel, places, body)
     return RobotState(*np.split(body, (3, 6, 9, 9 + len(places.joint_qpos)), axis=1))
 
 
@@ -113,7 +113,7 @@ def to_base(quat, vector, out):
     out[2] = c - 2.0 * w * k + 2.0 * (x * j - y * i)
 
 
-@kernel()
+@called()
 def true_body(qpos, qvel, places, out):
     """Write the bodies of N robots, as a simulation knows them, to `out` (N, `body_width`).
 
@@ -170,3 +170,8 @@ def observe(body, default, command, clock, action, remembers, seen):
             for i in range(width, seen.shape[1]):
                 seen[n, i] = seen[n, i - tail]
             remembers[n] = True
+
+
+@kernel()
+def _true_bodies(qpos, qvel, places, out):
+    true_body(qpos, qvel, places, out)

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ....formats.core.arrays import I64, Array, Mask
 from ...robots import CommandLimits
 from ...robots.parts import UNLIMITED
-from ..runtime.gait import GaitClock, monomials
+from ..runtime.gait import GaitClock
 from ..runtime.policy import GaitPolicy
 from .trial import STEP_S, Conditions, Trial
 
@@ -92,13 +92,18 @@ def _mean_velocity(policy: GaitPolicy, gait: GaitClock, commands: Array) -> tupl
 
 
 def _fit(target: Array, extra: Array, factors: I64) -> Array:
-    """Return coefficients (3, K) of `monomials` of targets (N, 3) that give what to add (N, 3)."""
-    terms = monomials(target, factors)
+    """Return coefficients (3, K) of monomials of targets (N, 3) that give what to add (N, 3)."""
+    terms = _monomials(target, factors)
     # Under a reflection of y, vy and yaw change sign; vx must not, and they must.
-    odd = monomials(np.array([[1.0, -1.0, -1.0]]), factors)[0] < 0.0
+    odd = _monomials(np.array([[1.0, -1.0, -1.0]]), factors)[0] < 0.0
     coefficients = np.zeros((3, terms.shape[1]))
     for axis in range(3):
         allowed = odd if axis else ~odd
         solution, *_ = np.linalg.lstsq(terms[:, allowed], extra[:, axis], rcond=None)
         coefficients[axis, allowed] = solution
     return coefficients
+
+
+def _monomials(command: Array, factors: I64) -> Array:
+    """Return (N, K) products of those components of (N, 3) commands that `factors` (K, 3) name."""
+    return np.column_stack([command, np.ones(len(command))])[:, factors].prod(axis=2)

@@ -10,7 +10,7 @@ from ....rendering.figures.pictures import save_picture
 from ....rendering.figures.story import policy_film
 from ...engine.work import ItemResult
 from ...execution.parts import telling
-from ..rollouts.render_job import scene_renderer
+from ..scenes.renderer import scene_renderer
 
 
 @dataclass(frozen=True)

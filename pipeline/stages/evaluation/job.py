@@ -15,8 +15,8 @@ from ....evaluation.policy import Policy
 from ....formats.core.episode import Episode
 from ....rendering.camera.views import View
 from ...engine.work import ItemResult
-from ..rollouts.render_job import scene_renderer
 from ..rollouts.replay_job import Walker, open_level, store
+from ..scenes.renderer import scene_renderer
 
 
 @dataclass(frozen=True)

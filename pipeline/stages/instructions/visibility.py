@@ -21,9 +21,9 @@ from ....formats.scene.bundle import SceneBundle, VisualMesh, load_bundle
 from ....formats.scene.visibility import Glimpse, PathSight, SightCamera, visibility_writer
 from ....formats.vlnce.files import read_episodes
 from ....rendering.frame import Frame
-from ....rendering.registry import make_renderer
 from ....rendering.scene.robot_body import RobotBody
 from ...engine.work import ItemResult
+from ..scenes.renderer import scene_renderer
 
 WIDTH_PX, HEIGHT_PX = 128, 96
 SPACING_M = 0.5
@@ -72,7 +72,7 @@ def look(
     # Where nothing has a name, or nothing is asked, a renderer would be built for nothing.
     if not paths or all(":" in thing.category for thing in bundle.objects):
         return
-    camera, renderer = eye.camera, make_renderer(bundle)
+    camera, (_, renderer) = eye.camera, scene_renderer(bundle.root, "embree")
     counter = _Counter(bundle, bundle.visual(), camera)
     for trajectory_id, path_m in paths.items():
         poses, glimpses = looks_along(path_m), []

@@ -13,7 +13,7 @@ from ....rendering.figures.pictures import save_picture, third_person_clip, watc
 from ....rendering.figures.scene_map import top_down_map
 from ...engine.work import ItemResult
 from ...execution.parts import telling
-from .render_job import scene_renderer
+from ..scenes.renderer import scene_renderer
 
 
 @dataclass(frozen=True)

@@ -1,20 +1,16 @@
 """Render a recorded rollout."""
 
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 
 from ....collectors.robots import RobotSpec
 from ....formats.core.atomic import atomic_folder
-from ....formats.scene.bundle import SceneBundle, load_bundle
-from ....formats.splats.store import has_splats
 from ....formats.vlnce.groups import per_instruction
 from ....rendering.camera.extras import Extras
 from ....rendering.camera.rollout_views import DEPTH_WRITERS, render_rollout
 from ....rendering.camera.views import View
-from ....rendering.interface import Renderer
-from ....rendering.registry import make_renderer
 from ...engine.work import ItemResult
+from ..scenes.renderer import scene_renderer
 from .handover import DepthKeeper, rollout_at
 
 
@@ -69,16 +65,3 @@ class RenderJob:
             "frames_per_second": self.frames_per_second,
         }
         return ItemResult(facts)
-
-
-@lru_cache(maxsize=1)
-def scene_renderer(
-    scene: Path, name: str = "", light: str = "baked"
-) -> tuple[SceneBundle, Renderer]:
-    """Return a repaired scene and its renderer; each worker keeps the last one, slow to load.
-
-    Without a name it is `splat` in scenes of splats, else `embree`.
-    """
-    bundle = load_bundle(scene)
-    name = name or ("splat" if has_splats(scene) else "embree")
-    return bundle, make_renderer(bundle, name, light=light)

@@ -29,10 +29,21 @@ from vlnpe.collectors.locomotion.trials.trial import Conditions
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
 from vlnpe.formats.core.arrays import Array
 from vlnpe.formats.core.errors import FileFormatError
+from vlnpe.formats.process.kernel import kernel
 
 pytestmark = pytest.mark.chain
 
 WALKERS = ["aliengo"]
+
+
+@kernel()
+def _catch(tables, state, body, target):
+    catch(tables, state, body, target)
+
+
+@kernel()
+def _tick(tables, state, target):
+    tick(tables, state, target)
 
 
 @pytest.fixture(scope="module", params=WALKERS)
@@ -253,12 +264,12 @@ def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends(
     state, dt = ClockState.standing(1), 0.02
     walk, stop = np.array([[1.0, 0.0, 0.5]]), np.zeros((1, 3))
     for _ in range(20):
-        tick(gait.tables, state, walk)
+        _tick(gait.tables, state, walk)
     # What rises is followed at once.
     np.testing.assert_array_equal(state.command, walk)
     speeds, phases = [], []
     while state.moving[0]:
-        tick(gait.tables, state, stop)
+        _tick(gait.tables, state, stop)
         speeds.append(state.command[0, 0])
         phases.append(float(state.phase[0]))
         assert len(speeds) < 100
@@ -270,7 +281,7 @@ def test_a_zero_command_is_braked_to_and_the_last_steps_are_taken_to_their_ends(
     assert phases[-1] == 0.0
     assert phases[-2] > 0.5 - gait.frequency_hz * dt or phases[-2] % 0.5 > 0.4
     # From then on it waits.
-    tick(gait.tables, state, stop)
+    _tick(gait.tables, state, stop)
     assert not state.moving[0]
 
 
@@ -280,8 +291,8 @@ def test_a_standing_robot_walks_after_its_base_when_it_is_pushed_and_stands_agai
 
     def step(velocity: ArrayLike, command: ArrayLike = (0.0, 0.0, 0.0)) -> Array:
         target = np.tile(np.asarray(command, dtype=float), (4, 1))
-        catch(gait.tables, state, np.asarray(velocity) + np.zeros((4, 2)), target)
-        tick(gait.tables, state, target)
+        _catch(gait.tables, state, np.asarray(velocity) + np.zeros((4, 2)), target)
+        _tick(gait.tables, state, target)
         return state.command.copy()
 
     # Gently, hard, hard in another direction, and hard without any of this.
@@ -323,7 +334,7 @@ def test_clock_stands_and_trots():
     assert moving.tolist() == [False, True, True]
     state = ClockState.standing(3)
     state.phase[:] = 0.98
-    tick(gait.tables, state, command)
+    _tick(gait.tables, state, command)
     assert state.moving.tolist() == moving.tolist()
     after = state.phase
     assert after[0] == 0.0
