@@ -22,7 +22,7 @@ class KernelCompiler(Compiler):
 
     def compile_extra(self, func: Any) -> Any:
         """Compile a function."""
-        self.state.library = JITCodeLibrary(self.state.targetctx.codegen(), func.__qualname__)
+        self.state.library = _Whole(self.state.targetctx.codegen(), func.__qualname__)
         self.state.library.enable_object_caching()
         with libraries(_Part, int(_settings.OPT)):
             return super().compile_extra(func)
@@ -44,7 +44,18 @@ def libraries(kind: type[JITCodeLibrary], level: int) -> Iterator[None]:
         codegen._library_class, _settings.OPT = before
 
 
-class _Part(JITCodeLibrary):
+class _Whole(JITCodeLibrary):
+    """The code of a kernel."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """Leave functions as they are below level 3: a kernel's own optimisation repeats this."""
+        if _settings.OPT < 3:
+            ll_module.data_layout = self._codegen._data_layout
+        else:
+            super()._optimize_functions(ll_module)
+
+
+class _Part(_Whole):
     """Intermediate code for kernels to take in; it has no address."""
 
     def finalize(self) -> None:

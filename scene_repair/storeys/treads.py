@@ -75,10 +75,14 @@ def ways_up(
     )
     # Ways across the floors themselves are not asked for.
     level = at_foot | at_head
-    pairs = pairs[~(level[pairs[:, 0]] & level[pairs[:, 1]])]
-    gap = np.abs(points[pairs[:, 0]] - points[pairs[:, 1]])
-    length = np.hypot(gap[:, 0], gap[:, 1]) + HIGH_STEP_PER_M * gap[:, 2] ** 2
-    length *= np.where(clear[pairs].min(axis=1) < PASSAGE_M, STOOPING, 1.0)
+    one, other = pairs.T.astype(np.int32)  # millions: columns of their own, in half the memory
+    asked = ~(level[one] & level[other])
+    one, other = one[asked], other[asked]
+    x, y, z = np.ascontiguousarray(points.T)
+    length = np.hypot(x[one] - x[other], y[one] - y[other])
+    length += HIGH_STEP_PER_M * (z[one] - z[other]) ** 2
+    low = clear < PASSAGE_M
+    length[low[one] | low[other]] *= STOOPING
     size = len(points)
 
     def end(k: int, floor: Mask) -> ScannedTread:
@@ -87,8 +91,8 @@ def ways_up(
 
     free = np.ones(size, dtype=bool)
     for _ in range(MOST_BETWEEN_LEVELS):
-        joined = free[pairs].all(axis=1)
-        graph = csr_array((length[joined], pairs[joined].T), shape=(size, size))
+        joined = free[one] & free[other]
+        graph = csr_array((length[joined], (one[joined], other[joined])), shape=(size, size))
         far, before, _ = dijkstra(
             graph,
             directed=False,

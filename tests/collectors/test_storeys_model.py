@@ -1,6 +1,7 @@
 """One model holds a staircase and both its levels: bodies rest on every tread, and find no gap."""
 
 import itertools
+import shutil
 from pathlib import Path
 
 import mujoco
@@ -9,13 +10,13 @@ import pytest
 from numpy.typing import ArrayLike, NDArray
 
 from tests.support.cart import make_cart
-from tests.support.scenes.repairs import repaired
-from tests.support.scenes.stair_halls import StairHall, stair_hall
+from tests.support.scenes.repairs import repaired_hall
+from tests.support.scenes.stair_halls import StairHall
 from tests.support.scenes.storeys import FOOT_X, WIDTH_M, write_two_storeys
 from vlnpe.collectors.physics import JoinedFloor, build_storeys_model, storeys_model
 from vlnpe.collectors.robots import get_robot
 from vlnpe.formats.core.errors import InputError
-from vlnpe.formats.scene.bundle import Obstacles, SceneBundle
+from vlnpe.formats.scene.bundle import Obstacles, SceneBundle, load_bundle
 from vlnpe.formats.scene.sheet import save_sheet
 
 pytestmark = pytest.mark.chain
@@ -26,8 +27,7 @@ Built = tuple[StairHall, SceneBundle, mujoco.MjModel]
 
 @pytest.fixture(scope="module", params=["straight", "L", "U"])
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Built:
-    hall = stair_hall(request.param)
-    bundle = repaired(hall.parts, tmp_path_factory.mktemp("hall"))
+    hall, bundle = repaired_hall(tmp_path_factory, request.param)
     return hall, bundle, build_storeys_model(bundle, 0, get_robot("h1"))
 
 
@@ -169,9 +169,12 @@ def test_the_joined_floor_chooses_its_sheet_by_height(built: Built) -> None:
     assert not floor.is_solid(*corner, hall.rise_m / 2) and not floor.is_solid(9.0, 9.0, 0.0)
 
 
-def test_models_are_kept_until_the_staircase_changes(tmp_path: Path) -> None:
-    hall = stair_hall("straight")
-    bundle, cache = repaired(hall.parts, tmp_path), tmp_path / "cache"
+def test_models_are_kept_until_the_staircase_changes(
+    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    shared = repaired_hall(tmp_path_factory, "straight")[1].root
+    bundle = load_bundle(shutil.copytree(shared, tmp_path / "bundle"))
+    cache = tmp_path / "cache"
     cache.mkdir()
     first = storeys_model(bundle, 0, make_cart(), cache_dir=cache)
     again = storeys_model(bundle, 0, make_cart(), cache_dir=cache)

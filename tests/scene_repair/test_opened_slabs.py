@@ -38,12 +38,23 @@ def level_faces_over(bundle: SceneBundle, truth: StairHall, tread: int) -> np.nd
     return z[(z > truth.top_m[tread] + 0.05) & (z < truth.rise_m + 0.05)]
 
 
-@pytest.mark.parametrize("shape", ["straight", "L", "U"])
-def test_a_slab_over_complete_stairs_is_opened(shape: str, tmp_path: Path) -> None:
-    truth = stair_hall(shape, closed=True)
+@pytest.mark.parametrize(
+    ("shape", "riser_going_width_m", "nosing_m"),
+    [
+        ("straight", (0.18, 0.26, 0.95), 0.0),
+        ("straight", (0.17, 0.28, 1.0), 0.03),
+        ("L", (0.17, 0.28, 1.0), 0.03),
+        ("U", (0.17, 0.28, 1.0), 0.03),
+    ],
+)
+def test_a_slab_over_complete_stairs_is_opened_and_their_nosings_stay(
+    shape: str, riser_going_width_m: tuple[float, float, float], nosing_m: float, tmp_path: Path
+) -> None:
+    riser_m, going_m, width_m = riser_going_width_m
+    truth = stair_hall(shape, *riser_going_width_m, closed=True, nosing_m=nosing_m)
     bundle = repaired(truth.parts, tmp_path)
     (staircase,) = bundle.staircases
-    assert staircase.problem == "" and staircase.riser_m == pytest.approx(0.17, abs=0.005)
+    assert staircase.problem == "" and staircase.riser_m == pytest.approx(riser_m, abs=0.005)
     (slab,) = record(bundle)["opened_slabs"]
     assert slab["levels"] == [0, 1]
     sizes = (truth.treads[:, 1] - truth.treads[:, 0]).prod(axis=1)
@@ -57,19 +68,14 @@ def test_a_slab_over_complete_stairs_is_opened(shape: str, tmp_path: Path) -> No
     floor = bundle.floor(1)
     area = floor.covered.sum() * floor.grid.cell_m**2
     assert area == pytest.approx(49.0 - slab["area_m2"], abs=1.5)
-
-
-@pytest.mark.parametrize("shape", ["straight", "L", "U"])
-def test_nosings_stay_where_a_slab_is_opened(shape: str, tmp_path: Path) -> None:
-    truth = stair_hall(shape, closed=True, nosing_m=0.03)
-    bundle = repaired(truth.parts, tmp_path)
-    assert len(record(bundle)["opened_slabs"]) == 1
+    if not nosing_m:
+        return
     mesh = bundle.visual()
     corners = mesh.vertices[mesh.faces].astype(float)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for height in truth.top_m[-4:]:  # 1 m wide, with treads of 28 cm
+    for height in truth.top_m[-4:]:
         own = (np.abs(corners[..., 2] - height) < 0.005).all(axis=1) & (normals[:, 2] > 0)
-        assert normals[own, 2].sum() / 2 == pytest.approx(1.0 * (0.28 + 0.03), abs=1e-4)
+        assert normals[own, 2].sum() / 2 == pytest.approx(width_m * (going_m + nosing_m), abs=1e-4)
 
 
 def test_levels_of_slabs_are_matched_by_height() -> None:

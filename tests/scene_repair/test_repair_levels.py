@@ -1,6 +1,8 @@
 """Storeys, steps, ramps and sunken areas are distinguished from furniture, roofs and holes."""
 
 import json
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +11,7 @@ import pytest
 from tests.support.scenes import buildings, scans
 from tests.support.scenes.repairs import repaired
 from vlnpe.formats.core.geometry import triangle_normals
-from vlnpe.formats.scene.bundle import Floor
+from vlnpe.formats.scene.bundle import Floor, SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.grid.columns import sample_columns
@@ -48,10 +50,21 @@ BUILDINGS = {
 }
 
 
+@pytest.fixture(scope="module")
+def building(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], SceneBundle]:
+    """Return what repairs a building of the table once."""
+
+    @cache
+    def build(name: str) -> SceneBundle:
+        return repaired(BUILDINGS[name][0], tmp_path_factory.mktemp("building"))
+
+    return build
+
+
 @pytest.mark.parametrize("name", BUILDINGS)
-def test_levels_and_their_floor(name: str, tmp_path: Path) -> None:
-    parts, heights, areas = BUILDINGS[name]
-    bundle = repaired(parts, tmp_path)
+def test_levels_and_their_floor(name: str, building: Callable[[str], SceneBundle]) -> None:
+    _, heights, areas = BUILDINGS[name]
+    bundle = building(name)
     assert bundle.level_floor_z_m == pytest.approx(heights, abs=0.01)
     levels = json.loads((bundle.root / "repair.json").read_text())["levels"]
     for level, area in zip(levels, areas, strict=True):
@@ -63,9 +76,9 @@ def test_levels_and_their_floor(name: str, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", [n for n in BUILDINGS if n.startswith("ceiling")])
 def test_the_upper_floor_is_seen_from_above_and_not_the_ceiling_in_its_plane(
-    name: str, tmp_path: Path
+    name: str, building: Callable[[str], SceneBundle]
 ) -> None:
-    bundle = repaired(BUILDINGS[name][0], tmp_path)
+    bundle = building(name)
     visual, upper = bundle.visual(), bundle.floor(1)
     corners = visual.vertices[visual.faces].astype(np.float64)
     columns = sample_columns(
@@ -88,8 +101,10 @@ def test_the_upper_floor_is_seen_from_above_and_not_the_ceiling_in_its_plane(
     ("name", "heights"),
     [("split level", (0.0, 0.4)), ("sunken", (-0.3, 0.0)), ("slightly sunken", (-0.15, 0.0))],
 )
-def test_steps_stay_sharp(name: str, heights: tuple[float, float], tmp_path: Path) -> None:
-    floor = repaired(BUILDINGS[name][0], tmp_path).floor(0)
+def test_steps_stay_sharp(
+    name: str, heights: tuple[float, float], building: Callable[[str], SceneBundle]
+) -> None:
+    floor = building(name).floor(0)
     apart = np.abs(floor.height_m[floor.covered][:, None] - np.array(heights)).min(axis=1)
     assert apart.max() < 0.002
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.support.scenes import scans
-from tests.support.scenes.repairs import repaired
+from tests.support.scenes.repairs import repaired, repaired_hall
 from tests.support.scenes.stair_halls import StairHall, stair_hall
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.grid import GridSpec
@@ -23,8 +23,7 @@ pytestmark = pytest.mark.chain
 def hall(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[StairHall, SceneBundle]:
-    hall = stair_hall(request.param, riser_m=0.18, going_m=0.26, width_m=0.95)
-    return hall, repaired(hall.parts, tmp_path_factory.mktemp("hall"))
+    return repaired_hall(tmp_path_factory, request.param)
 
 
 def test_a_staircase_is_recorded_with_its_middle_line(
@@ -33,8 +32,8 @@ def test_a_staircase_is_recorded_with_its_middle_line(
     truth, bundle = hall
     (staircase,) = bundle.staircases
     assert staircase.problem == "" and staircase.levels == (0, 1)
-    assert staircase.riser_m == pytest.approx(0.18, abs=0.005)
-    assert staircase.going_m == pytest.approx(0.26, abs=0.005)
+    assert staircase.riser_m == pytest.approx(0.17, abs=0.005)
+    assert staircase.going_m == pytest.approx(0.28, abs=0.005)
     line = staircase.line_world_m
     assert line[1] == pytest.approx([*truth.foot_m, 0.0], abs=0.04)
     assert line[-2] == pytest.approx([*truth.head_m, truth.rise_m], abs=0.04)

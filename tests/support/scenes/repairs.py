@@ -4,10 +4,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import pytest
 import trimesh
 
+from tests.support.machine import once
 from tests.support.scenes import scans
-from vlnpe.formats.scene.bundle import SceneBundle
+from tests.support.scenes.stair_halls import StairHall, stair_hall
+from vlnpe.formats.scene.bundle import SceneBundle, load_bundle
 from vlnpe.scene_repair.config import RepairConfig
 from vlnpe.scene_repair.repair import repair_scene
 
@@ -21,3 +24,10 @@ def repaired(scan: Path | Sequence[trimesh.Trimesh], folder: Path, **options: An
     source = scan if isinstance(scan, Path) else scans.write_glb(scan, folder / "scan.glb")
     (folder / "bundle").mkdir()
     return repair_scene(source, folder / "bundle", RepairConfig(**options))
+
+
+def repaired_hall(factory: pytest.TempPathFactory, shape: str) -> tuple[StairHall, SceneBundle]:
+    """Return a `stair_hall` and its repaired scene, which all tests share and only read."""
+    hall = stair_hall(shape)
+    folder = once(factory, f"hall-{shape}", lambda folder: repaired(hall.parts, folder))
+    return hall, load_bundle(folder / "bundle")
