@@ -1,18 +1,25 @@
 """The verdict about a text: what its claims get wrong, and what no claim covers."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..language.claims import Step
+from ..language.clauses import verb_at
 from ..language.loose import remarks
 from ..language.reader import readings
-from ..language.tokens import misspelt
+from ..language.tables import closed
+from ..language.tokens import misspelt, tokenize
 from ..language.words import is_known
 from .accounting import accounting_problems, as_worded
 from .form import form_problems
 from .ground import Ground
 from .order import check_order
 from .said import goal_last
+
+_PREFACE = re.compile(r"[^.!?;]+[.!?;]\s+(?=\S)")
+_OWN_STEP = ("turn", "walk", "leave")  # of a way that is told, not summed up
+_BEGINS = closed("begins") | {"first"}
 
 
 @dataclass(frozen=True)
@@ -52,6 +59,16 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
         steps = tuple(as_worded(step) for step in steps)
         verdict = _judged(text, goal_last(steps), ground, accounting_problems(steps, text))
         return replace(verdict, steps=steps)
+    verdict = _read(text, ground)
+    if not verdict.ok and (preface := _PREFACE.match(text)) and _holds(preface[0], ground):
+        rest = _read(text[preface.end() :], ground)
+        if rest.ok and _starts(rest.steps):
+            return _behind(preface[0], rest)
+    return verdict
+
+
+def _read(text: str, ground: Ground) -> Verdict:
+    """Return the verdict about a text without claims, of the first reading that is accepted."""
     verdicts = []
     for read in readings(text):
         faults = [(k, fault) for k, step in enumerate(read) for fault in step.faults]
@@ -59,6 +76,34 @@ def check_text(text: str, ground: Ground, steps: Sequence[Step] = ()) -> Verdict
         if verdicts[-1].ok:
             return verdicts[-1]
     return verdicts[0]
+
+
+def _holds(preface: str, ground: Ground) -> bool:
+    """Return whether a sentence that sums up the way before it is told says nothing false.
+
+    "The toys go to the kitchen. From the hall …": each of its claims must hold somewhere.
+    """
+    steps = next(readings(f"{preface} Stop."))[:-1]
+    claims = [claim for step in steps for claim in step.claims]
+    told = any(c.kind in _OWN_STEP for c in claims) or any(step.faults for step in steps)
+    if told or not claims or verb_at(tokenize(preface), 0) == "stop":
+        return False
+    own = [c for c in claims if c.side or (c.kind, c.what) != ("see", "thing")]
+    return not any(check_order([claim], [0], ground) for claim in own)
+
+
+def _starts(steps: Sequence[Step]) -> bool:
+    """Return whether steps begin where the path does: `from the hall`, `first`, `start at`."""
+    first = tokenize(steps[0].words)[0].text
+    return first in _BEGINS or any(c.kind == "leave" for step in steps[:2] for c in step.claims)
+
+
+def _behind(preface: str, rest: Verdict) -> Verdict:
+    """Return the verdict about a text whose first sentence is a preface that holds."""
+    at = len(preface)
+    clauses = tuple((start + at, stop + at, why) for start, stop, why in rest.clauses)
+    steps = tuple(replace(step, start=step.start + at) for step in rest.steps)
+    return replace(rest, clauses=((0, at, ()), *clauses), steps=steps)
 
 
 def _judged(
@@ -93,6 +138,8 @@ def _idle_sentences(text: str, steps: Sequence[Step]) -> list[tuple[int, str]]:
             continue
         odd = [w for k in group for w in steps[k].unchecked if not is_known(w)]
         aside = remarks(steps[group[0]].words.lower().split())
+        told = sum(len(steps[k].words.split()) for k in group)
+        odd = odd if len(odd) > 1 or 3 * len(odd) >= told else []  # not "there is no hurry"
         if odd and not aside and not any(steps[k].claims for k in group):
             result.append((group[0], f"a sentence that claims nothing: {', '.join(odd[:4])}"))
         group = []

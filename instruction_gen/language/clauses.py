@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from .claims import Claim
 from .lexicon import noun_kind
-from .phrases import half_more, read_side
+from .phrases import half_more, read_distance, read_side
 from .tables import closed
 from .tokens import Token
 from .words import (
@@ -167,7 +167,8 @@ def _load_end(tokens: Sequence[Token], k: int) -> int:
     words = [token.text for token in tokens[k + 2 : end]]
     known = any(noun_kind(word) in ("room", "door", "storey") for word in (*words, tokens[k].text))
     if tokens[k].text == "take":  # no way that is taken: "take the second left to the sofa"
-        known = known or not words or is_known(words[-1]) or words[-1] in _NO_LOAD
+        known = known or not words or words[-1] in _NO_LOAD
+        known = known or (is_known(words[-1]) and noun_kind(words[-1]) != "thing")
         known = known or not {"left", "right"}.isdisjoint(words)
     load = 0 < len(words) <= _MOST_CARRIED and not known and words[-1] not in ("stairs", "steps")
     return end if load and tokens[k + 1].text in DETERMINERS | {"my"} else k
@@ -181,7 +182,7 @@ def _puts_down(tokens: Sequence[Token], k: int) -> bool:
     if words[1] not in ("it", "them"):
         return False
     if words[2] not in _PUT_OR_OUT:
-        return words[2] in _PUT
+        return words[2] in _PUT or read_distance(tokens, k + 2) is not None
     side = read_side(tokens, k + 2)
     end = next(n for n, word in enumerate(words) if word in _ENDS | _BREAKS | JOINTS)
     if (words[2] == "behind" and end == 3) or (side and side[2] == k + end):

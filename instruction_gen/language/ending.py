@@ -106,7 +106,8 @@ def _end(clauses: list[Clause]) -> None:
         after = clauses[k].sentence > clauses[last].sentence or (
             then and any(c.kind in ("turn", "leave", "enter") for c in clauses[k].claims)
         )
-        if k > last and after and not clauses[k].until:
+        told = clauses[k].verb not in ("", "see") or clauses[k].says("left", "right")
+        if k > last and after and told and not clauses[k].until:
             clauses[k].faults.append("the text goes on after the stop")
 
 
@@ -131,7 +132,8 @@ def _announced(clauses: list[Clause], stopped: bool) -> bool:
     cut = next((k for k, c in enumerate(first) if c.joint == ":"), 0)
     head, tail = clauses[:cut], clauses[cut:] if cut else []
     titled = bool(head) and head[0].says("for", "to") and not any(c.has_verb for c in head)
-    if titled or any(c.says(*_MAY_ANNOUNCE) for c in head):  # "Parcel for the kitchen: …"
+    delivers = bool(head) and head[0].verb == "stop"  # "Deliver the laundry to the kitchen: …"
+    if titled or delivers or any(c.says(*_MAY_ANNOUNCE) for c in head):  # "Parcel for the kitchen:"
         first, rest = head, tail
     moves = any(x.kind in ("turn", "leave", "walk") for c in first for x in c.claims)
     own = any(x.kind == "stop" for c in first for x in c.claims)

@@ -77,7 +77,8 @@ def find_fault(clause: Clause, k: int) -> None:
     after = tokens[k + 1].text if k + 1 < len(tokens) else ""
     if word.endswith(_ADJECTIVE):
         return
+    named = before in DETERMINERS and before not in _NO_ARTICLES  # not "mind your toes"
     if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
         clause.faults.append(f"{word} {after}: no such thing is known")
-    elif before in DETERMINERS and before not in _NO_ARTICLES:  # "mind your toes"
+    elif named and k > 1 and tokens[k - 2].text in PREP_OF:  # what is carried is on no way
         clause.faults.append(f"{word}: no such thing or place is known")

@@ -23,7 +23,7 @@ from .targets import (
     stop_at_it,
 )
 from .tokens import Token, tokenize
-from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS
+from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, UNITS_M
 
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
@@ -244,6 +244,8 @@ class _Reader:
                     claims.append(Claim("enter" if prep == "into" else "leave", "room"))
                 if word in PREP_OF and not (word == "over" and k + 1 == len(tokens)):
                     prep = clause.prep = preposition(clause, k, stop)
+                    if word == "from" and k and tokens[k - 1].text in UNITS_M:
+                        prep = clause.prep = "toward"  # "two metres from the door"
                     prep = "" if prep == "to" and clause.verb == "reach" else prep
                 find_fault(clause, k)
                 k += 1

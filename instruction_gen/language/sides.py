@@ -17,6 +17,7 @@ _MOVES = ("turn", "enter", "leave")
 WAYS = ("from", "into", "through")  # "it's right out of the bathroom" is a turn
 AROUND = Claim("turn", side="around")
 _ROUND = frozenset(("around", "round", "about"))
+_ALONG = ("along", "past", "through", "into")
 _KEEPS = ("keep", "keeping", "stay", "staying")
 _LISTING = closed("in a list")
 
@@ -102,6 +103,10 @@ def side_of(
     degree, ordinal, used = "", 0, range(k, end)
     if verb == "go" and last.kind == "in" and tokens[k].text == "to" and not after:
         turn = True  # "take the hallway to the left"
+    elif k == 0 and tokens[k].text == "to" and PREP_OF.get(after) in _ALONG and not verb == "see":
+        turn = True  # "then to the right along the windows"
+    elif placed and verb == "go" and clause.prep == "around" and named and not after:
+        turn = is_no_turn()  # "round the table on the left"
     else:  # "hallway left", "landing right"
         turn = (last.what == "room" and not (placed or ahead or verb)) and (
             last.name == "landing" or (last.kind == "in" and not is_no_turn())
