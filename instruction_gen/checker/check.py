@@ -14,10 +14,10 @@ from ..language.words import is_known
 from .accounting import accounting_problems, as_worded
 from .form import form_problems
 from .ground import Ground
-from .order import check_order
+from .order import check_order, holds_somewhere
 from .said import goal_last
 
-_PREFACE = re.compile(r"[^.!?;]+[.!?;]\s+(?=\S)")
+_PREFACE = re.compile(r"[^.!?;:]+[.!?;:]\s+(?=\S)")
 _OWN_STEP = ("turn", "walk", "leave")  # of a way that is told, not summed up
 _BEGINS = closed("begins") | {"first"}
 
@@ -89,7 +89,7 @@ def _holds(preface: str, ground: Ground) -> bool:
     if told or not claims or verb_at(tokenize(preface), 0) == "stop":
         return False
     own = [c for c in claims if c.side or (c.kind, c.what) != ("see", "thing")]
-    return not any(check_order([claim], [0], ground) for claim in own)
+    return all(holds_somewhere(claim, ground) for claim in own)
 
 
 def _starts(steps: Sequence[Step]) -> bool:

@@ -23,6 +23,7 @@ from .said import Said, goal_last
 from .turns import events_of, left_out, made, no_turn, unsaid
 
 LIMIT = 0.66  # the root of the sum of the squares of all costs
+_FEW = 10  # of more claims the sum may grow
 _Told = list[tuple[float, str]]
 _Moved = tuple[Costs, NDArray[np.int64], Callable[[int, int, int, int], _Told]]
 
@@ -38,11 +39,17 @@ class Problem:
 def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) -> list[Problem]:
     """Return what does not hold, in order; `owners` are the numbers of the claims' steps."""
     placed = Alignment(ground, claims, owners)
-    if placed.cost <= LIMIT:
+    if placed.cost <= LIMIT * max(1.0, len(claims) / _FEW) ** 0.5:
         return []
     worst = [(k, *max(told)) for k, told in enumerate(placed.told)]
     most = min(1.0, max(cost for _, cost, _ in worst))
     return [Problem(k, reason) for k, cost, reason in worst if cost >= most]
+
+
+def holds_somewhere(claim: Claim, ground: Ground) -> bool:
+    """Return whether there is a place on the path where a claim alone holds."""
+    fit = Alignment(ground, (), ())._fit(Said((claim,), (0,), 0))
+    return bool(fit.cost.min() <= LIMIT)
 
 
 def step_starts_m(steps: Sequence[Step], ground: Ground) -> tuple[float, ...]:

@@ -222,10 +222,12 @@ class _Reader:
                     ):
                         # "The door is on your right, and it opens on the kitchen."
                         before[-1] = replace(before[-1], room=before[-1].room or claim.name)
-                    if claim.kind == "enter" and claims and claims[-1].kind == "door":
+                    into = claim.what == "room" and prep == "into" and last.what == "door"
+                    if into and last.kind in ("door", "stop"):
                         # "The door on the left into the kitchen" is that of the kitchen.
-                        claims[-1] = replace(claims[-1], room=claims[-1].room or claim.name)
-                    claims.append(claim)
+                        claims[-1] = replace(last, room=last.room or claim.name)
+                    if not (into and last.kind == "stop"):
+                        claims.append(claim)
                 k, prep = end, prep if joined else ""
             elif (owner := counted_again(clause, k, self.before)) is not None:
                 claims += owner
@@ -254,6 +256,8 @@ class _Reader:
         if len({c.side for c in turns}) == 2 and AROUND in turns:  # "a U-turn to the left"
             claims[:] = [replace(c, degree="sharp") if c in turns else c
                          for c in claims if c != AROUND]  # fmt: skip
+        if len(turns) == 1 and clause.says("twice"):
+            claims.insert(claims.index(turns[0]), turns[0])
         if side_next:  # of nothing
             clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:

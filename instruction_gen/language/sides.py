@@ -52,7 +52,7 @@ def listed_side(
     targets = [(c, n) for c in said for n, x in enumerate(c.claims)
                if x.what and x.kind != "walk" and not x.side]  # fmt: skip
     if not targets or targets[-1][0] is not before:
-        return bool(STAYS & set(rest)) or bool(placed and last and last.side)
+        return bool(STAYS & set(rest)) or bool(last and last.side)
     for owner, n in targets[-2:] if both else targets[-1:]:
         sided(owner.claims, n, side)
         if owner.claims[n].kind == "in":
@@ -103,7 +103,7 @@ def side_of(
     degree, ordinal, used = "", 0, range(k, end)
     if verb == "go" and last.kind == "in" and tokens[k].text == "to" and not after:
         turn = True  # "take the hallway to the left"
-    elif k == 0 and tokens[k].text == "to" and PREP_OF.get(after) in _ALONG and not verb == "see":
+    elif k == 0 and tokens[k].text == "to" and PREP_OF.get(after) in _ALONG and verb != "see":
         turn = True  # "then to the right along the windows"
     elif placed and verb == "go" and clause.prep == "around" and named and not after:
         turn = is_no_turn()  # "round the table on the left"

@@ -98,6 +98,13 @@ TRUTHS += [
         "to the left, and go in at the first door on your left. Stop."),
     (4, "Walk along the table, keeping it on your right. Go right past the fridge, straight into "
         "the living room, left into the hall, and in at the next door on the left. Stop there."),
+    (4, "The samples go through the living room to the office. From the kitchen go right past the "
+        "fridge, straight into the living room, left into the hall, and in at the next door on the "
+        "left. Set them down there."),
+    (4, "Skirt the dining table, there is really no hurry, go past the fridge into the living "
+        "room, left into the hall, and in at the first door on the left. Leave them a metre in."),
+    (0, "Take the basket out of the children's room, turn left, and stop past the coat rack. It is "
+        "a bit on the right."),
 ]  # fmt: skip
 LIES = [
     (
@@ -225,6 +232,9 @@ LIES = [
         "after it the shoe cabinet. Stop after the coat rack."),
     (3, "ordinal", "Turn right out of the bedroom. The kids' room is the first door on your left. "
         "Go in and stop past the wardrobe."),
+    (4, "preface", "The samples go through the bathroom to the office. From the kitchen go right "
+        "past the fridge, straight into the living room, left into the hall, and in at the next "
+        "door on the left. Stop there."),
     (2, "doors", "Walk past the bed and out of the bedroom. Go right along the hall past seven "
         "doors on your left, then left into the bathroom. Stop in front of the washbasin."),
 ]  # fmt: skip
