@@ -11,8 +11,9 @@ POLICY     ?= random
 PYTHON := $(shell command -v python3 || command -v python)
 BIN    := .venv/bin
 SETUP  := $(PYTHON) pipeline/bootstrap.py
-# Trained policies that come with vlnpe: they need PyTorch.
+# Trained policies that come with vlnpe, and what such policies need: PyTorch, and some pretrained encoders.
 SHIPPED := $(basename $(notdir $(wildcard learning/policies/*.safetensors)))
+LEARNED := train,pretrained
 
 COLLECT = --robot "$(ROBOT)" --controller "$(CONTROLLER)" --scene "$(SCENE)" --episodes "$(EPISODES)" \
           --camera "$(CAMERA)" --light "$(LIGHT)" --seed "$(SEED)" \
@@ -66,12 +67,12 @@ evidence:  ## Train and test what docs/results/data.md rests on: make evidence [
 	@$(BIN)/python -m benchmarks.evidence $(ARGS)
 
 evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots ROBOT=h1 [CONTROLLER=speed OUT=runs/<name>]
-	@$(SETUP) core $(if $(filter $(SHIPPED) %.safetensors,$(POLICY)),train)
+	@$(SETUP) core $(if $(filter $(SHIPPED) %.safetensors,$(POLICY)),$(LEARNED))
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 
 adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=scan.glb ROBOT=aliengo [POLICY=cma-robots OUT=…]
-	@$(SETUP) core train
+	@$(SETUP) core $(LEARNED)
 	@$(BIN)/vlnpe adapt $(if $(filter-out file,$(origin SCENE)),"$(SCENE)") --robot "$(ROBOT)" --controller "$(CONTROLLER)" --seed "$(SEED)" \
 	    $(if $(filter-out file,$(origin POLICY)),--policy "$(POLICY)") $(if $(OUT),--out "$(OUT)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)

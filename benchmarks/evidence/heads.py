@@ -2,7 +2,7 @@
 
     python -m benchmarks.evidence.heads DATASET … --test DATASET …     (folders of LeRobot)
 
-Features are the last recurrent state of `cma-robots`, which is not trained further. On them are
+Features are the last recurrent state of `cma-robots-32px`, not trained further. On them are
 trained, with equal draws and steps: RDP's diffusion head (a decoder that removes the noise from the
 next eight motions), the same decoder as a regression (no noise goes in, the motions come out), and
 a classification of the action. What a head would do at each step of the expert's walks in other
@@ -63,7 +63,7 @@ class Walk:
 @torch.no_grad()
 def read(folders: Sequence[Path]) -> list[Walk]:
     """Return the successful walks of some datasets."""
-    checkpoint = load_checkpoint(shipped_policies()["cma-robots"])
+    checkpoint = load_checkpoint(shipped_policies()["cma-robots-32px"])
     model, card = checkpoint.model, checkpoint.card
     assert isinstance(model, Cma)
     states: list[Tensor] = []

@@ -83,10 +83,12 @@ class PolicyChoice:
             if find_spec("torch") is None:
                 raise MissingExtraError(f"{path.name}: a learned policy", "train")
             from ...learning.card import read_card
+            from ...learning.weights import at_hand
 
-            _, sha256 = read_card(path)
+            card, sha256 = read_card(path)
             # Ours need no other look than at their bytes; PyTorch takes seconds to import.
-            if path not in shipped_policies().values() or file_digest(path) != sha256:
+            whole = path in shipped_policies().values() and file_digest(path) == sha256
+            if not (whole and at_hand([card.encoder, card.language])):
                 from ...learning.checkpoint import load_checkpoint
                 from ...learning.language import language_of
                 from ...learning.pretrained import encoder_of

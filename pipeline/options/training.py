@@ -184,8 +184,8 @@ class Adapt(Orientation, Parallel):
     """Controller: speed (physics), flash (placed without physics), or auto: the first of these that
     suits the robot."""
     policy: str = "cma-robots"
-    """Policy to start from: cma, cma-h1 or cma-robots, or a checkpoint (FILE.safetensors) of cma or
-    seq2seq."""
+    """Policy to start from: one that comes with vlnpe (cma-robots, cma-robots-32px, cma-h1, cma),
+    or a checkpoint (FILE.safetensors) of cma or seq2seq."""
     paths: int = 120
     """Number of paths to sample; a third to half of them is set aside."""
     min_length_m: float = SampleConfig.min_length_m

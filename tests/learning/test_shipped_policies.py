@@ -11,7 +11,9 @@ from tests.learning.conftest import Walks
 from vlnpe.evaluation.policies.registry import resolve_policy, shipped_policies
 from vlnpe.formats.core.atomic import file_digest
 from vlnpe.formats.core.episode import Episode
+from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.scene.bundle import SceneBundle
+from vlnpe.learning import pretrained, weights
 from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.pipeline.cli import main
@@ -21,21 +23,26 @@ RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "evidence" / "res
 LARGEST_BYTES = 2_000_000
 
 
-# Which results measured them, and which row, test and seed.
+# Which results measured them, and which row, test and seed; or which evaluation.
 CELLS = {
     "cma": ("evidence", "CMA on bodyless walks, 3 times the steps", "no body", "2"),
     "cma-h1": ("evidence", "CMA on H1", "H1", "0"),
-    "cma-robots": ("mixtures", "CMA on H1 + Aliengo + Jetbot, equal passes", "Aliengo", "0"),
+    "cma-robots": ("senses", "small_house, h1, pretrained"),
+    "cma-robots-32px": ("mixtures", "CMA on H1 + Aliengo + Jetbot, equal passes", "Aliengo", "0"),
 }
 
 
 def test_every_shipped_checkpoint_is_one_that_was_measured() -> None:
     assert shipped_policies().keys() == CELLS.keys()
-    for name, (file, row, test, seed) in CELLS.items():
-        rows = json.loads((RESULTS / f"{file}.json").read_text())["rows"]
-        (measured,) = (r for r in rows if (r["row"], r["test"]) == (row, test))
-        digest = file_digest(shipped_policies()[name])
-        assert digest == measured["seeds"][seed]["checkpoint_sha256"]
+    for name, (file, *cell) in CELLS.items():
+        results = json.loads((RESULTS / f"{file}.json").read_text())
+        if len(cell) == 1:
+            measured = results[cell[0]]["setting"]["policy_version"].split()[1]
+        else:
+            row, test, seed = cell
+            (found,) = (r for r in results["rows"] if (r["row"], r["test"]) == (row, test))
+            measured = found["seeds"][seed]["checkpoint_sha256"]
+        assert file_digest(shipped_policies()[name]) == measured
 
 
 @pytest.mark.parametrize("name", CELLS)
@@ -60,7 +67,11 @@ def test_unfamiliar_settings_are_warned_of(
     for policy, robot, controller in (
         ("cma", "vlnce", "flash"),
         ("cma-h1", "h1", "speed"),
-        *(("cma-robots", robot, "speed") for robot in ("h1", "aliengo", "jetbot")),
+        *(
+            (policy, robot, "speed")
+            for policy in ("cma-robots", "cma-robots-32px")
+            for robot in ("h1", "aliengo", "jetbot")
+        ),
     ):
         warn(policy, robot, controller)
     assert not caplog.records
@@ -70,6 +81,16 @@ def test_unfamiliar_settings_are_warned_of(
     upstairs = replace(level, extra={"staircases": [0], "levels": [level.level, 1]})
     warn("cma-robots", "aliengo", "speed", level, upstairs)
     assert "cma-robots was trained on no stairs, and 1 of 2 paths take some" in caplog.text
+
+
+def test_one_with_pretrained_encoders_says_which_extra_it_needs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(weights, "find_spec", lambda name: None)
+    pretrained._kept.cache_clear()
+    with pytest.raises(InputError, match="EXTRA=pretrained"):
+        resolve_policy("cma-robots").identity()
+    assert resolve_policy("cma-robots-32px").identity()
 
 
 @pytest.mark.usefixtures("inline")
