@@ -9,7 +9,7 @@ from typing import Any
 import pyarrow as pa
 
 from ..formats.core.errors import FileFormatError
-from ..formats.lerobot.episode_columns import EDITED_ADVICE
+from ..formats.lerobot.episode_columns import EDITED_ADVICE, EPISODE_COLUMNS
 from ..formats.lerobot.info import (
     PLACE_FIELDS,
     ForeignDatasetError,
@@ -40,6 +40,7 @@ _LABELS = (
     "camera_height_px",
     "action_discrete_derived",
 )
+_STAIRS = "staircases"
 # Features by which a dataset of vlnpe is known when its labels are gone.
 _OURS = {RGB_KEY, "observation.state", "observation.camera_pose", "action", "action.velocity"}
 
@@ -170,7 +171,7 @@ def read_index(root: Path) -> DatasetIndex:
     files = episode_tables(root)
     if not files:
         raise FileFormatError(root / "meta" / "episodes", "contains no Parquet file")
-    tables = [_read(file, columns, info) for file in files]
+    tables = [_with_stairs(file, _read(file, columns, info)) for file in files]
     return DatasetIndex(root, info, pa.concat_tables(tables))
 
 
@@ -190,6 +191,16 @@ def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
     if missing:
         raise ForeignDatasetError(file, f"lacks the columns {missing}; not collected by vlnpe?")
     return read_table(file, columns).replace_schema_metadata(None)
+
+
+def _with_stairs(file: Path, table: pa.Table) -> pa.Table:
+    """Add the label `staircases`, which older datasets lack: their paths take none."""
+    kind = EPISODE_COLUMNS[_STAIRS]
+    if _STAIRS in read_schema(file).names:
+        found = read_table(file, [_STAIRS])[_STAIRS].cast(kind)
+    else:
+        found = pa.array([[]] * table.num_rows, kind)
+    return table.append_column(_STAIRS, found)
 
 
 def _with_what_is_left(table: pa.Table, info: dict[str, Any]) -> pa.Table:
