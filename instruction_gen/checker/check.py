@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..language.claims import Step
+from ..language.claims import Claim, Step
 from ..language.clauses import verb_at
 from ..language.loose import remarks
 from ..language.reader import readings
@@ -81,15 +81,22 @@ def _read(text: str, ground: Ground) -> Verdict:
 def _holds(preface: str, ground: Ground) -> bool:
     """Return whether a sentence that sums up the way before it is told says nothing false.
 
-    "The toys go to the kitchen. From the hall …": each of its claims must hold somewhere.
+    "The toys go to the kitchen. From the hall …": each of its claims must hold somewhere, and the
+    last room must be that of the goal.
     """
-    steps = next(readings(f"{preface} Stop."))[:-1]
+    steps = _preface_steps(preface)
     claims = [claim for step in steps for claim in step.claims]
     told = any(c.kind in _OWN_STEP for c in claims) or any(step.faults for step in steps)
-    if told or not claims or verb_at(tokenize(preface), 0) == "stop":
+    if told or not claims or verb_at(tokenize(preface), 0) not in ("", "see"):
         return False
-    own = [c for c in claims if c.side or (c.kind, c.what) != ("see", "thing")]
-    return all(holds_somewhere(claim, ground) for claim in own)
+    rooms = [Claim("stop", "room", c.room or c.name) for c in claims if c.room or c.what == "room"]
+    bare = Claim("see", "thing")
+    own = [c for c in claims if replace(c, name="") != bare]
+    return all(holds_somewhere(claim, ground) for claim in own + rooms[-1:])
+
+
+def _preface_steps(preface: str) -> Sequence[Step]:
+    return next(readings(f"{preface} Stop."))[:-1]
 
 
 def _starts(steps: Sequence[Step]) -> bool:
@@ -103,7 +110,9 @@ def _behind(preface: str, rest: Verdict) -> Verdict:
     at = len(preface)
     clauses = tuple((start + at, stop + at, why) for start, stop, why in rest.clauses)
     steps = tuple(replace(step, start=step.start + at) for step in rest.steps)
-    return replace(rest, clauses=((0, at, ()), *clauses), steps=steps)
+    own = (*(w for step in _preface_steps(preface) for w in step.unchecked), *misspelt(preface))
+    unchecked = (*own, *rest.unchecked)
+    return replace(rest, clauses=((0, at, ()), *clauses), steps=steps, unchecked=unchecked)
 
 
 def _judged(

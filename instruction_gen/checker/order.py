@@ -39,9 +39,10 @@ class Problem:
 def check_order(claims: Sequence[Claim], owners: Sequence[int], ground: Ground) -> list[Problem]:
     """Return what does not hold, in order; `owners` are the numbers of the claims' steps."""
     placed = Alignment(ground, claims, owners)
-    if placed.cost <= LIMIT * max(1.0, len(claims) / _FEW) ** 0.5:
-        return []
     worst = [(k, *max(told)) for k, told in enumerate(placed.told)]
+    each = max((cost for _, cost, _ in worst), default=0.0)
+    if placed.cost <= LIMIT * max(1.0, len(claims) / _FEW) ** 0.5 and each <= LIMIT:
+        return []
     most = min(1.0, max(cost for _, cost, _ in worst))
     return [Problem(k, reason) for k, cost, reason in worst if cost >= most]
 

@@ -15,6 +15,7 @@ from ..language.nouns import noun_of
 DOOR, OPENING = "doorway", "opening"
 _DOOR_M = 1.6  # a wider opening without a door leaf is no doorway
 _JOIN_CELLS, _LEAST_CELLS = 3, 3
+_AT_M = 0.7  # who turns in a doorway is so far from it
 _LEAF_M = 0.3  # a leaf hangs this near to its opening
 Array = NDArray[np.float64]
 
@@ -38,6 +39,14 @@ class Opening:
     def middle_m(self) -> Array:
         """Its middle (2,) [m]."""
         return 0.5 * (self.low_m + self.high_m)
+
+    def distance_m(self, xy_m: Array) -> float:
+        """Return how far a place (2,) [m] is from it."""
+        return float(np.linalg.norm(np.clip(xy_m, self.low_m, self.high_m) - xy_m))
+
+    def is_at(self, xy_m: Array, *rooms: int) -> bool:
+        """Return whether it joins the rooms right at a place (2,) [m]."""
+        return set(rooms).issubset(self.rooms) and self.distance_m(xy_m) <= _AT_M
 
     def is_ahead(self, heading_rad: float) -> bool:
         """Return whether it is plainly in a wall across a heading, not in one along it."""
@@ -72,8 +81,17 @@ def find_openings(regions: RegionMap, leaves: Sequence[LabeledObject] = ()) -> l
 
 
 def shut_doors(leaves: Sequence[LabeledObject], openings: Sequence[Opening]) -> list[LabeledObject]:
-    """Return the door leaves that hang in no opening, as a front door does: people count them."""
-    return [leaf for leaf in leaves if not any(_at(leaf, o.low_m, o.high_m) for o in openings)]
+    """Return the doors that fill no opening, as a front door does: people count them.
+
+    Of two leaves side by side, or a leaf and its frame, one stands for both.
+    """
+    shut: list[LabeledObject] = []
+    taken = [(o.low_m, o.high_m) for o in openings]
+    for leaf in leaves:
+        if not any(_at(leaf, low, high) for low, high in taken):
+            shut.append(leaf)
+            taken.append((np.array(leaf.lower_m[:2]), np.array(leaf.upper_m[:2])))
+    return shut
 
 
 def is_door(thing: LabeledObject) -> bool:

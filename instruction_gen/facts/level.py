@@ -79,7 +79,7 @@ class LevelFacts:
         floor_z_m = bundle.level_floor_z_m[level]
         # A door's leaf and its frame are the doorway that they stand in.
         shut = shut_doors([t for t in doors if _stands(t, floor_z_m)], openings)
-        things = [t for t in things if t not in doors]
+        things = [t for t in things if not is_door(t)]
         nouns = [noun_of(t.category) for t in things] + [DOOR] * len(shut)
         nouns += [o.noun for o in openings]
         things += shut

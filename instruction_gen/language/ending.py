@@ -107,6 +107,7 @@ def _end(clauses: list[Clause]) -> None:
             then and any(c.kind in ("turn", "leave", "enter") for c in clauses[k].claims)
         )
         told = clauses[k].verb not in ("", "see") or clauses[k].says("left", "right")
+        told = told or any(c.kind in ("enter", "leave", "turn") for c in clauses[k].claims)
         if k > last and after and told and not clauses[k].until:
             clauses[k].faults.append("the text goes on after the stop")
 

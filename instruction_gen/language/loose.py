@@ -80,5 +80,12 @@ def find_fault(clause: Clause, k: int) -> None:
     named = before in DETERMINERS and before not in _NO_ARTICLES  # not "mind your toes"
     if read_phrase(tokens, k + 1) and after not in PREP_OF and after not in DETERMINERS:
         clause.faults.append(f"{word} {after}: no such thing is known")
-    elif named and k > 1 and tokens[k - 2].text in PREP_OF:  # what is carried is on no way
+    elif (
+        named
+        and (  # what is carried is on no way
+            (k > 1 and tokens[k - 2].text in PREP_OF)
+            or clause.verb in ("pass", "reach", "stop")
+            or not {"left", "right"}.isdisjoint(t.text for t in tokens[k + 1 : k + 5])
+        )
+    ):
         clause.faults.append(f"{word}: no such thing or place is known")

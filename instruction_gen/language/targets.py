@@ -100,8 +100,6 @@ def stop_at(target: Claim, prep: str, clause: Clause) -> Claim:
 def forbidden(clause: Clause, claims: Sequence[Claim]) -> list[Claim]:
     """Return what a negated clause says: rooms that are not entered, stairs that are not taken."""
     kinds = ("enter",) if clause.verb == "turn" else ("enter", "in", "leave", "stop", "door")
-    if any(c.what == "door" for c in claims) and not clause.says("GO_IN"):
-        claims = [c for c in claims if c.what != "room"]  # "the kitchen door you do not use"
     climbs = [replace(c, kind="avoid") for c in claims if c.kind == "climb"]
     return climbs + [
         Claim("avoid", "room", c.room or c.name)

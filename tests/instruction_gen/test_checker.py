@@ -107,6 +107,13 @@ TRUTHS += [
         "a bit on the right."),
 ]  # fmt: skip
 LIES = [
+    (4, "preface", "The samples go through the living room to the hall. From the kitchen go right "
+        "past the fridge, straight into the living room, left into the hall, and in at the next "
+        "door on the left. Set them down there."),
+    (0, "thing", "Leave the children's room and turn left into the hallway. Keep the dulcimer on "
+        "your left, and stop just after the coat rack."),
+    (0, "ending", "Leave the children's room and turn left into the hallway. Stop just after the "
+        "coat rack. Into the kitchen."),
     (
         0,
         "turn",

@@ -103,11 +103,12 @@ def test_a_door_in_the_wall_ahead_is_on_no_side_though_the_path_turns_in_it(two_
 
 
 @pytest.mark.parametrize(("height_m", "ordinal"), [(2.0, 2), (0.9, 1)])
-def test_a_shut_door_is_counted_among_the_doors_and_one_of_a_cupboard_is_not(
+def test_a_shut_door_of_two_leaves_is_counted_once_and_one_of_a_cupboard_is_not(
     two_rooms, height_m, ordinal
 ):
-    leaf = LabeledObject("Leaf", "door", (3.9, 0.6, 0.0), (4.1, 1.1, height_m), 0)
-    bundle = replace(two_rooms, objects=(*two_rooms.objects, leaf))
+    leaves = [LabeledObject(f"Leaf_{y}", "door", (3.9, y, 0.0), (4.1, y + 0.25, height_m), 0)
+              for y in (0.6, 0.85)]  # fmt: skip
+    bundle = replace(two_rooms, objects=(*two_rooms.objects, *leaves))
     (passage,) = facts_of([(4.9, 0.2), (4.9, 2.0), (3.0, 2.0), (0.9, 2.4)], bundle).passages
     assert (passage.side, passage.ordinal) == ("left", ordinal)
 
