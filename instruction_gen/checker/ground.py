@@ -67,8 +67,8 @@ class Ground(Things):
                 )
             )
         sides: list[Part] = []
-        if claim.side in ("left", "right", "ahead", "behind") and not turned:
-            cost = [self.door_side(p, claim.side) for p in found]
+        if claim.side == "ahead" or (claim.side in ("left", "right", "behind") and not turned):
+            cost = [self.door_side(p, claim.side, turned) for p in found]
             sides.append((_column(cost + none), f"{what} is not {spoken_side(claim.side)}"))
         return best((len(far), self.places), told, sides)
 
@@ -89,8 +89,12 @@ class Ground(Things):
         landings = [(low, high, "landing") for c in climbs for low, high in c.landings_m]
         return landings + [(c.along_m, c.to_m, "stairwell") for c in climbs]
 
-    def door_side(self, passage: PassageFact | ClimbFact, side: str) -> float:
-        """Return what it costs to say that a doorway or stairs that one walks to are on a side."""
+    def door_side(self, passage: PassageFact | ClimbFact, side: str, told: bool = False) -> float:
+        """Return what it costs to say that a doorway or stairs that one walks to are on a side.
+
+        Args:
+            told: a turn before it is said.
+        """
         turns = self.facts.turns
         if side == "behind":  # where the walk begins
             turned = any(abs(t.angle_deg) >= 90.0 for t in turns if t.along_m < 1.0)
@@ -102,9 +106,8 @@ class Ground(Things):
             return sum(t.angle_deg for t in turns if low_m <= t.along_m - passage.along_m <= high_m)
 
         if side == "ahead":
-            return float(
-                ramp(min(abs(turned_deg(-1.5, 0.1)), abs(passage.bearing_deg) + 20.0), 40.0, 56.0)
-            )
+            bent_deg = abs(turned_deg(-0.8 if told else -1.5, 0.1))
+            return float(ramp(min(bent_deg, abs(passage.bearing_deg) + 20.0), 40.0, 56.0))
         sign = 1 if side == "left" else -1
         shown = [
             sign * passage.bearing_deg,

@@ -71,6 +71,13 @@ class Said:
         return landing or self.last.place == "halfway"
 
     @property
+    def off_stairs(self) -> bool:
+        """Whether the claim before is at an end of stairs, or in a room after stairs."""
+        climbed = any(claim.kind == "climb" for claim in self.before)
+        room = self.last.what == "room" and self.last.name != "landing"
+        return self.last.place in ("top", "bottom") or (climbed and room)
+
+    @property
     def climbs_next(self) -> bool:
         """Whether stairs are taken before any room is entered or door gone through."""
         moves = ("climb", "enter", "door", "leave")
@@ -96,9 +103,9 @@ class Said:
 
     @property
     def turned(self) -> bool:
-        """Whether a turn of the same step says the claim's side."""
-        step = self.owners[self.index]
-        return any(
+        """Whether a turn of the same step says the claim's side, or one before it what is ahead."""
+        step, ahead = self.owners[self.index], self.claim.side == "ahead"
+        return (ahead and self.neighbours[0].kind == "turn") or any(
             owner == step and (claim.kind, claim.side) == ("turn", self.claim.side)
             for claim, owner in zip(self.claims, self.owners, strict=True)
         )

@@ -152,7 +152,7 @@ def made(ground: Ground, said: Said) -> Iterator[Made]:
         here = any(low - _AT_LANDING_M <= first.along_m <= high for low, high in landings)
         if isinstance(first, ClimbFact) or (said.on_landing and landings and not here):
             continue
-        if said.last.place in ("top", "bottom") and ground.facts.on_stairs(first.along_m):
+        if said.off_stairs and ground.facts.on_stairs(first.along_m):
             continue
         if said.last.kind == "climb" and said.apart and _to_stairs_m(ground, first) < _NEAR_M:
             continue

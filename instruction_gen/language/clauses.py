@@ -22,6 +22,7 @@ from .words import (
     is_known,
 )  # fmt: skip
 
+MARKS = ("GO_IN", "GO_OUT", "GO_THROUGH")
 _BREAKS = frozenset(",:—–-()+&")
 _ENDS = frozenset(".!?;")
 # A second verb of these begins a clause of its own: `go forward turn left`.
@@ -122,6 +123,8 @@ def clauses_of(tokens: Sequence[Token]) -> list[Clause]:
         elif word in _BREAKS or word in JOINTS:
             if result[-1].tokens or word in JOINTS:
                 result.append(Clause([], word, sentence))
+        elif word == "without" and _begins(tokens, k + 1):
+            result.append(Clause([token], "", sentence))
         elif word == "UNTIL" or (word in ("before", "after") and _begins(tokens, k + 1)):
             result.append(Clause([], "", sentence, until=True, before=word == "before"))
         else:
@@ -196,7 +199,8 @@ def _begins(tokens: Sequence[Token], k: int) -> bool:
     """Return whether a clause with a verb of its own begins: `before you reach the sofa`."""
     if k < len(tokens) and tokens[k].text in ("you", "it"):
         k += 1
-    return k < len(tokens) and tokens[k].text not in _ENDS and bool(verb_at(tokens, k))
+    goes = k < len(tokens) and (tokens[k].text in MARKS or verb_at(tokens, k))
+    return bool(goes) and tokens[k].text not in _ENDS
 
 
 def verb_at(tokens: Sequence[Token], k: int) -> str:

@@ -5,7 +5,7 @@ from dataclasses import replace
 from itertools import combinations, takewhile
 
 from .claims import Claim, Step
-from .clauses import Clause, clauses_of, part_end, verb_at
+from .clauses import MARKS, Clause, clauses_of, part_end, verb_at
 from .ending import arrange
 from .loose import find_fault, is_aside, step_of
 from .phrases import read_distance, read_phrase, read_side
@@ -27,7 +27,7 @@ from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, UNITS_M
 
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
-_MARKS = frozenset("GO_IN GO_OUT GO_THROUGH".split())
+_NAMES = ("see", "reach", "pass", "in", "stop")  # what may be gone into next
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
 _CIRCLES = closed("goes around")
@@ -119,7 +119,7 @@ class _Reader:
             self.stairs |= claim.kind == "climb" or claim.what == "storey" or is_stairs(claim)
             if claim.what == "thing":
                 self.thing = claim
-            if claim.what in ("door", "room") and claim.kind in ("see", "reach", "pass", "in"):
+            if claim.what in ("door", "room") and claim.kind in _NAMES:
                 # In "a bedroom door across the hall" the door is meant.
                 door, seen = claims[0], claim.kind == "see" and claims[0].what == "door"
                 self.door = door if seen and door.room not in ("", claim.name) else claim
@@ -174,15 +174,18 @@ class _Reader:
                 placed = end < len(tokens) and (read_side(tokens, end) or ("", False))[1]
                 placed = placed and (clause.verb == "see" or any(c.what for c in claims))
                 inside = offset == "in" and clause.verb == "stop"
+                # "Fifteen metres straight past the sofa", "by the corridor".
+                by = offset and tokens[end].text == "by"
+                way = clause.verb == "go" or clause.straight or by
                 offset = placed or inside or offset in _OFFSETS
-                offset = away or near or (offset and clause.verb != "go")
+                offset = away or near or (offset and not way)
                 if not (clause.negated or offset):
                     claims.append(Claim("walk", metres=metres, vague=vague))
                 k = end
             elif (read := read_side(tokens, k)) is not None:
                 side_next = side_of(clause, k, read, self.before, self._is_no_turn) or side_next
                 k = read[2]
-            elif word in _MARKS or word == "TURN_AROUND":
+            elif word in MARKS or word == "TURN_AROUND":
                 if word == "TURN_AROUND":
                     claims.append(AROUND)
                 elif not clause.until and not (word == "GO_IN" and is_inside(self._said())):
@@ -262,6 +265,8 @@ class _Reader:
             clause.used -= {n for n, token in enumerate(tokens) if token.text == side_next}
         if clause.straight and clause.verb == "go" and not claims and not clause.negated:
             claims.append(Claim("walk", side="ahead"))
+        if clause.straight and clause.verb == "see" and claims and claims[-1].what:
+            claims[-1] = replace(claims[-1], side=claims[-1].side or "ahead")
         stops = [n for n, c in enumerate(claims) if c.kind == "stop"]
         if clause.verb == "stop" and not stops:
             claims.append(stop_at_it(clause, self.before))

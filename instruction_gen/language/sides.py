@@ -55,7 +55,7 @@ def listed_side(
         return bool(STAYS & set(rest)) or bool(last and last.side)
     for owner, n in targets[-2:] if both else targets[-1:]:
         sided(owner.claims, n, side)
-        if owner.claims[n].kind == "in":
+        if owner.claims[n].kind == "in" and not owner.prep and owner.verb in ("", "see"):
             owner.claims[n] = replace(owner.claims[n], kind="see")
     clause.used.update(range(len(tokens)))
     return True
@@ -136,6 +136,7 @@ def side_of(
             and (verb not in ("go", "") or is_no_turn()))
         # "The left of the table", "right to the end of the hall".
         or after == "of"
+        or (placed and tokens[0].text == "with")  # a thing that is in no table
         or (after == "to" and part_end(tokens, end + 1) > end + 1)
     ):  # fmt: skip
         return ""

@@ -74,6 +74,7 @@ def misspelt(text: str) -> list[str]:
 def _plain(text: str) -> str:
     """Return a text of equal length without marks that stand for a blank or a semicolon."""
     text = re.sub(r"(?<=s)'(?=\s)", " ", text.replace("’", "'"))
+    text = re.sub(r"\b(approx|ca|appr)\.", r"\1 ", text, flags=re.IGNORECASE)
     return text.replace("->", "; ").replace("→", ";").replace("~", " ")
 
 

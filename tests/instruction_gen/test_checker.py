@@ -103,6 +103,14 @@ TRUTHS += [
         "left. Set them down there."),
     (4, "Skirt the dining table, there is really no hurry, go past the fridge into the living "
         "room, left into the hall, and in at the first door on the left. Leave them a metre in."),
+    (0, "Leave the children's room and turn left. Go past the bench and stop outside the bathroom "
+        "without going in."),
+    (2, "Leave the bedroom, go right, and in at the bathroom, that is on the left. Stop at the "
+        "washbasin."),
+    (2, "Walk past the bed and over the threshold into the hall without turning left. Go right, "
+        "then left into the bathroom. Stop in front of the washbasin."),
+    (4, "Pass the fridge; the living room is straight ahead. Go in, turn left into the hall, left "
+        "into the study, and stop on the rug."),
     (0, "Take the basket out of the children's room, turn left, and stop past the coat rack. It is "
         "a bit on the right."),
 ]  # fmt: skip
@@ -242,6 +250,18 @@ LIES = [
     (4, "preface", "The samples go through the bathroom to the office. From the kitchen go right "
         "past the fridge, straight into the living room, left into the hall, and in at the next "
         "door on the left. Stop there."),
+    (2, "without", "Leave the bedroom. Go right along the hall past the coat rack, then left, and "
+        "stop before the bathroom without going in."),
+    (2, "threshold", "Leave the bedroom. Go right along the hall past the coat rack, then left. "
+        "Stop on the threshold of the bathroom."),
+    (0, "distance", "Leave the children's room and turn left. Then twenty metres straight by the "
+        "bench, and stop after the coat rack."),
+    (3, "room", "Turn right out of the bedroom. Go in at the bathroom, that's on your left. Stop "
+        "past the wardrobe."),
+    (3, "room", "Turn right out of the bedroom. Cross the office, which is on your left. Stop past "
+        "the wardrobe."),
+    (2, "straight", "Leave the bedroom and turn right; the bathroom is straight ahead. Go in and "
+        "stop at the washbasin."),
     (2, "doors", "Walk past the bed and out of the bedroom. Go right along the hall past seven "
         "doors on your left, then left into the bathroom. Stop in front of the washbasin."),
 ]  # fmt: skip
@@ -441,6 +461,12 @@ def test_what_words_refer_to_is_read(text, claim):
         # A side written short is that of the thing before it, or a turn.
         ("Shower R, tub L, exit to hallway, L along rug, stop.", "see see enter turn pass stop"),
         ("Past sofa on right, next door right, stop.", "pass door stop"),
+        # What is not done is said apart.
+        ("Cross the hall without walking along it and stop.", "in stop"),
+        ("Stop outside the kitchen without entering it.", "stop"),
+        ("Stop on the kitchen threshold without going in.", "stop avoid"),
+        # The side of a thing in no table is no turn.
+        ("With the gizmo over on your right, turn left and stop.", "turn stop"),
         # How many things are carried says nothing of the place.
         ("Three vases for the kitchen: turn left and go in.", "turn enter stop"),
         # A distance from the walker or the door is no way still to go.
@@ -519,6 +545,7 @@ def test_numbers_are_read(two_rooms):
         return [c.metres for s in read_text(text) for c in s.claims if c.kind == "walk"]
 
     assert metres("Walk twenty-five metres and stop.") == [25.0]
+    assert metres("Approx. 4 m straight. Stop.") == [4.0]
     assert metres("Walk half a mile and stop.") == [pytest.approx(804.5)]
     assert metres("Walk a metre and a half and stop.") == [1.5]
     assert metres("Go two metres and half and stop.") == [2.5]

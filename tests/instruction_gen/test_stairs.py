@@ -142,6 +142,7 @@ def test_true_texts_pass(up, text):
         ("Go downstairs, turn right and stop in the bedroom.", "no stairs down"),
         ("Go up the stairs, right on the landing. Go on up, stop in the bedroom.", "no turn"),
         ("Go up the stairs. At the top turn left and go into the bedroom.", "to the left"),
+        ("Go up the stairs into the hallway. There turn left into the bedroom.", "to the left"),
         ("Go to the stairs and up to the third floor. Stop in the bedroom.", "third floor"),
         ("Go into the bedroom, then up the stairs, and stop in the hallway.", "elsewhere"),
         ("Leave the kitchen, go up the stairs and stop in the living room.", ""),
