@@ -24,12 +24,12 @@ class Evaluate(DiscreteActions, Mounting, Running):
     run."""
     policy: str = "random"
     """Policy: random (R2R's action proportions), forward, stop, oracle (the expert, which knows the
-    path), cma, cma-h1, cma-robots or cma-robots-32px (trained models that come with vlnpe: for
-    vlnce; for h1; for h1, aliengo and jetbot; for these without pretrained encoders), map (an
-    online semantic map, without training; map-llm, map-vlm and map-vlm-llm ask a model for
-    sub-goals, labels, or both), vlm (a vision-language model, see docs/guides/evaluation.md), a
-    checkpoint of `vlnpe train` (FILE.safetensors), or the address of a policy server
-    (ws://HOST:PORT, or http://HOST:PORT for models served by /eval_dual)."""
+    path); trained and shipped: cma-robots (for h1, aliengo and jetbot), cma-robots-32px (for these,
+    from scratch), cma-h1 (for h1), cma (for vlnce); map (an online semantic map, without training;
+    map-llm, map-vlm and map-vlm-llm ask a model for sub-goals, labels, or both), vlm (a
+    vision-language model, see docs/guides/evaluation.md), a checkpoint of `vlnpe train`
+    (FILE.safetensors), or the address of a policy server (ws://HOST:PORT, or http://HOST:PORT for
+    models served by /eval_dual)."""
     scenes: Path | None = None
     """Folder of repaired scenes; defaults to the run's own."""
     robot: str = "aliengo"
