@@ -2,6 +2,7 @@
 
 numba brings every function that a kernel calls to machine code, its own (`numpy.empty`, `max`, …)
 as well as ours, though kernels take in their intermediate code and nobody runs the other.
+`NUMBA_DUMP_OPTIMIZED` and `NUMBA_DUMP_ASSEMBLY` therefore show kernels alone.
 """
 
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from numba.core.registry import cpu_target
 
 _settings: Any = config
 _ASKED = _settings.OPT  # by the environment; 3 unless a person looks for a mistake
+_FOR_PYTHON = "_ZN7cpython"  # how names of functions begin through which Python calls compiled ones
 
 
 class KernelCompiler(Compiler):
@@ -25,7 +27,11 @@ class KernelCompiler(Compiler):
         self.state.library = _Whole(self.state.targetctx.codegen(), func.__qualname__)
         self.state.library.enable_object_caching()
         with libraries(_Part, int(_settings.OPT)):
-            return super().compile_extra(func)
+            result = super().compile_extra(func)
+        for environment in result._find_referenced_environments():
+            # That of a function in intermediate code has an address since now alone.
+            result.codegen.set_env(environment.env_name, environment)
+        return result
 
 
 @contextmanager
@@ -56,10 +62,13 @@ class _Whole(JITCodeLibrary):
 
 
 class _Part(_Whole):
-    """Intermediate code for kernels to take in; it has no address."""
+    """Intermediate code for kernels to take in; it has no address, unless Python may call it."""
 
     def finalize(self) -> None:
         """Take in the code of what is called, and leave all else to the kernels."""
+        if any(f.name.startswith(_FOR_PYTHON) for f in self.get_defined_functions()):
+            super().finalize()
+            return
         self._raise_if_finalized()
         for library in dict.fromkeys(self._linking_libraries):
             self._reload_init.update(library._reload_init)
@@ -67,15 +76,13 @@ class _Part(_Whole):
         self._finalize_dynamic_globals()
         self._finalized = True
 
-    def get_pointer_to_function(self, name: str) -> int:
-        """Return 0, numba's address of a function that has no code."""
-        self._ensure_finalized()
-        return 0
-
     @property
     def codegen(self) -> Any:
         """What numba asks to write a function's environment into its code."""
         return self
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Do nothing: a kernel's code has its own."""
+        """Write a function's environment into its code, if it has an address of its own."""
+        codegen: Any = self._codegen
+        if codegen._engine.get_global_value_address(name):
+            codegen.set_env(name, environment)

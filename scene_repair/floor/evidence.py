@@ -145,8 +145,7 @@ def _walls(mesh: WorldMesh, grid: GridSpec, floor_z_m: float) -> tuple[Mask, Mas
 def _cover(columns: Columns, flat: Mask, reference_m: Array, limit_m: float) -> tuple[Array, I32]:
     """Find per cell the height and face of the flat sample nearest to a reference height.
 
-    Of samples that are as near the last one, the upper one, is taken; NaN and -1 stand where none
-    is within the limit.
+    Of equally near samples the uppermost is taken; NaN and -1 stand where none is within the limit.
     """
     z_out = np.full(len(reference_m), np.nan)
     face_out = np.full(len(reference_m), -1, dtype=np.int32)

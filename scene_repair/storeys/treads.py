@@ -76,6 +76,7 @@ def ways_up(
     # Ways across the floors themselves are not asked for.
     level = at_foot | at_head
     one, other = pairs.T.astype(np.int32)  # millions: columns of their own, in half the memory
+    del pairs
     asked = ~(level[one] & level[other])
     one, other = one[asked], other[asked]
     x, y, z = np.ascontiguousarray(points.T)

@@ -1,12 +1,14 @@
 """The renderer of a scene, kept by each worker for the items that follow."""
 
-from functools import lru_cache
 from pathlib import Path
 
-from ....formats.scene.bundle import SceneBundle, load_bundle
+from ....formats.scene.bundle import INDEX_NAME, SceneBundle, load_bundle
 from ....formats.splats.store import has_splats
 from ....rendering.interface import Renderer
 from ....rendering.registry import make_renderer
+
+# The last one; a scene that is repaired again at its path has an index of another time.
+_cache: dict[tuple[Path, str, str, int], tuple[SceneBundle, Renderer]] = {}
 
 
 def scene_renderer(
@@ -16,10 +18,11 @@ def scene_renderer(
 
     Without a name it is `splat` in scenes of splats, else `embree`.
     """
-    return _kept(scene, name or ("splat" if has_splats(scene) else "embree"), light)
-
-
-@lru_cache(maxsize=1)
-def _kept(scene: Path, name: str, light: str) -> tuple[SceneBundle, Renderer]:
-    bundle = load_bundle(scene)
-    return bundle, make_renderer(bundle, name, light=light)
+    name = name or ("splat" if has_splats(scene) else "embree")
+    index = scene / INDEX_NAME
+    key = scene, name, light, index.stat().st_mtime_ns if index.is_file() else 0
+    if (found := _cache.get(key)) is None:
+        _cache.clear()  # first: two scenes at once may not fit into memory
+        bundle = load_bundle(scene)
+        found = _cache[key] = bundle, make_renderer(bundle, name, light=light)
+    return found
