@@ -19,11 +19,13 @@ from vlnpe.wayfinding.distance import distance_field
 pytestmark = pytest.mark.chain
 
 
-@pytest.fixture(scope="module", params=["straight", "L", "U"])
+@pytest.fixture(
+    scope="module", params=[["straight"], ["L"], ["U"], ["L", 0.18, 0.26, 0.95]], ids=str
+)
 def hall(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[StairHall, SceneBundle]:
-    return repaired_hall(tmp_path_factory, request.param)
+    return repaired_hall(tmp_path_factory, *request.param)
 
 
 def test_a_staircase_is_recorded_with_its_middle_line(
@@ -32,8 +34,8 @@ def test_a_staircase_is_recorded_with_its_middle_line(
     truth, bundle = hall
     (staircase,) = bundle.staircases
     assert staircase.problem == "" and staircase.levels == (0, 1)
-    assert staircase.riser_m == pytest.approx(0.17, abs=0.005)
-    assert staircase.going_m == pytest.approx(0.28, abs=0.005)
+    assert staircase.riser_m == pytest.approx(truth.top_m[0], abs=0.005)
+    assert staircase.going_m == pytest.approx(np.ptp(truth.treads[0, :, 1]), abs=0.005)
     line = staircase.line_world_m
     assert line[1] == pytest.approx([*truth.foot_m, 0.0], abs=0.04)
     assert line[-2] == pytest.approx([*truth.head_m, truth.rise_m], abs=0.04)

@@ -26,8 +26,11 @@ def repaired(scan: Path | Sequence[trimesh.Trimesh], folder: Path, **options: An
     return repair_scene(source, folder / "bundle", RepairConfig(**options))
 
 
-def repaired_hall(factory: pytest.TempPathFactory, shape: str) -> tuple[StairHall, SceneBundle]:
+def repaired_hall(
+    factory: pytest.TempPathFactory, shape: str, *measures_m: float
+) -> tuple[StairHall, SceneBundle]:
     """Return a `stair_hall` and its repaired scene, which all tests share and only read."""
-    hall = stair_hall(shape)
-    folder = once(factory, f"hall-{shape}", lambda folder: repaired(hall.parts, folder))
+    hall = stair_hall(shape, *measures_m)
+    name = "-".join(["hall", shape, *map(str, measures_m)])
+    folder = once(factory, name, lambda folder: repaired(hall.parts, folder))
     return hall, load_bundle(folder / "bundle")
