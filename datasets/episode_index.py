@@ -194,12 +194,12 @@ def _read(file: Path, columns: list[str], info: dict[str, Any]) -> pa.Table:
 
 
 def _with_stairs(file: Path, table: pa.Table) -> pa.Table:
-    """Add the label `staircases`, which older datasets lack: their paths take none."""
+    """Add the label `staircases`, null where a dataset lacks it: older, or edited."""
     kind = EPISODE_COLUMNS[_STAIRS]
     if _STAIRS in read_schema(file).names:
         found = read_table(file, [_STAIRS])[_STAIRS].cast(kind)
     else:
-        found = pa.array([[]] * table.num_rows, kind)
+        found = pa.nulls(table.num_rows, kind)
     return table.append_column(_STAIRS, found)
 
 

@@ -55,7 +55,8 @@ class Card:
         data: per source its datasets, episodes, share and digest.
         held_out: scenes or trajectories that the training did not see.
         start: digest of the weights that it started from; empty for new ones.
-        stairs: whether a walk took stairs.
+        stairs: whether a walk took stairs, also one that the start was trained on; None where that
+            is not known.
         encoder, language: model, digest and licence of the pretrained encoders of RGB and of
             instructions that it needs, if any.
         curves: scores by step.
@@ -73,7 +74,7 @@ class Card:
     data: tuple[Mapping[str, Any], ...] = ()
     held_out: Mapping[str, Any] = field(default_factory=dict)
     start: str = ""
-    stairs: bool = False
+    stairs: bool | None = None
     encoder: Mapping[str, Any] = field(default_factory=dict)
     language: Mapping[str, Any] = field(default_factory=dict)
     curves: tuple[Mapping[str, Any], ...] = ()
@@ -96,7 +97,7 @@ class _Rest(TypedDict):
     data: tuple[dict[str, Any], ...]
     held_out: dict[str, Any]
     start: str
-    stairs: NotRequired[bool]
+    stairs: NotRequired[bool | None]
     encoder: NotRequired[dict[str, Any]]
     language: NotRequired[dict[str, Any]]
     curves: tuple[dict[str, Any], ...]

@@ -92,11 +92,6 @@ class Planned:
         values = {str(v) for s in self.plan.sources for v in s.selection.labels(label)}
         return tuple(sorted(values))
 
-    @property
-    def stairs(self) -> bool:
-        """Whether an episode takes stairs."""
-        return any(any(s.selection.labels("staircases")) for s in self.plan.sources)
-
 
 def plan_training(request: Request) -> Planned:
     """Choose the episodes of a request, and open the model that it starts from.

@@ -1,6 +1,6 @@
 """One training from a recipe to a checkpoint, its curves and its card."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -64,6 +64,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
     sources = [_cached(s.selection, tokens, planned, cache, choice) for s in plan.sources]
+    chosen = [s.selection for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
     shares = plan.shares.tolist()
     more = []
@@ -74,6 +75,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             share = len(walks) / (len(walks) + sum(len(s) for s in sources))
         sources, shares = [*sources, walks], [*(s * (1 - share) for s in shares), share]
         more.append(_facts(name, share, selection))
+        chosen.append(selection)
     unseen = [_cached(s, tokens, planned, cache) for s in planned.held.values() if len(s)]
     unseen = [_some(episodes, len(unseen)) for episodes in unseen]
     decode_all([*sources, *unseen], show=show)
@@ -93,7 +95,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
             "trajectories": sorted(planned.holdout.trajectories),
         },
         start=start.sha256 if start is not None else "",
-        stairs=planned.stairs,
+        stairs=_stairs(chosen, start.card if start is not None else None),
         encoder=planned.encoder.facts if planned.encoder else {},
         language=planned.language.facts if planned.language else {},
     )
@@ -158,6 +160,14 @@ def _facts(name: str, share: float, selection: Selection) -> dict[str, Any]:
         "sha": selection.digest,
         "datasets": sorted({selection.datasets[k].root.name for k in set(selection.dataset)}),
     }
+
+
+def _stairs(selections: Sequence[Selection], start: Card | None) -> bool | None:
+    """Return whether a walk takes stairs, or one of the start did; None where that is unknown."""
+    taken = [paths for selection in selections for paths in selection.labels("staircases")]
+    known = [None if paths is None else bool(paths) for paths in taken]
+    known += [] if start is None else [start.stairs]
+    return True if True in known else None if None in known else False
 
 
 def _vocabulary(plan: MixturePlan, config: TrainConfig) -> Tokens:

@@ -260,7 +260,7 @@ def _warn_of_other_training(
         if trained[name] and value not in trained[name]:
             valid = ", ".join(trained[name])
             log.warning("%s was trained on %s %s, not on %s", policy, name, valid, value)
-    if not card.stairs and (count := sum(bool(e.staircases) for e in episodes)):
+    if card.stairs is False and (count := sum(bool(e.staircases) for e in episodes)):
         of = len(episodes)
         log.warning("%s was trained on no stairs, and %d of %d paths take some", policy, count, of)
 

@@ -10,6 +10,8 @@ from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import torch
 from safetensors.torch import load_file, save_file
@@ -20,6 +22,7 @@ from tests.security.hostile import put
 from vlnpe.evaluation.policies.registry import resolve_policy
 from vlnpe.formats.core.errors import FileFormatError, InputError, UnknownNameError
 from vlnpe.learning import stepper as stepping
+from vlnpe.learning.card import card_path, read_card
 from vlnpe.learning.checkpoint import load_checkpoint
 from vlnpe.learning.stepper import Choice, Sight, Stepper
 from vlnpe.learning.training.session import train_recipe
@@ -29,6 +32,33 @@ from vlnpe.learning.training.session import train_recipe
 def trained(walks: Walks, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("trained")
     return train_recipe(request(walks, out, 1), show=False).checkpoint
+
+
+def test_a_card_says_whether_a_walk_took_stairs(walks: Walks, tmp_path: Path) -> None:
+    """Also one that the start was trained on; and nothing where the dataset does not tell."""
+
+    def train(name: str, staircases: list[list[int]] | None, start: Path | None = None) -> Path:
+        root = tmp_path / name
+        shutil.copytree(walks.root / "lerobot", root / "lerobot")
+        (path,) = (root / "lerobot").rglob("meta/episodes/**/*.parquet")
+        table = pq.read_table(path)
+        column, kind = table.column_names.index("staircases"), table.schema.field("staircases").type
+        table = table.remove_column(column)
+        if staircases is not None:
+            table = table.append_column("staircases", pa.array(staircases, kind))
+        pq.write_table(table, path)
+        asked = replace(request(walks, root / "out", 1), data=root, start=start)
+        return train_recipe(asked, show=False).checkpoint
+
+    level, climbs = train("level", [[], []]), train("climbs", [[], [0]])
+    unknown = train("unknown", None)
+    made = [level, climbs, unknown]
+    made += [train(f"from-{k}", [[], []], start) for k, start in enumerate(made)]
+    assert [read_card(path)[0].stairs for path in made] == 2 * [False, True, None]
+    card = json.loads(card_path(level).read_text())
+    del card["stairs"]
+    card_path(level).write_text(json.dumps(card))
+    assert read_card(level)[0].stairs is None  # an older one
 
 
 def cut(path: Path) -> None:
