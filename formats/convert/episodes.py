@@ -49,6 +49,8 @@ from .unit_mcap import UNIT_METADATA, extract_unit_mcap, write_unit_mcap
 # An episode's whole rollout, kept beside a unit's frame rows: MCAP without pictures.
 ROLLOUT_NAME = "rollout.mcap"
 DATASET_NAME = "dataset.json"
+# In it, the name of the robot's log that the unit was cut from; one converted again has none.
+LOG_KEY = "log"
 
 
 def unit_from_mcap(path: Path, folder: Path) -> None:

@@ -1,5 +1,6 @@
 """The calibration of a log's camera, and the ideal camera that its images are turned into."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,38 +17,44 @@ _COEFFICIENTS = (0, 4, 5, 8, 12, 14)
 _MOST_PX = 8192
 
 
-def check_same(path: Path, first: Any, info: Any) -> Any:
-    """Return the first CameraInfo of a log, after checking that a later one says the same.
+def add_if_new(infos: list[Any], info: Any) -> None:
+    """Keep the first CameraInfo of a topic, and the first that says something else."""
+    if len(infos) < 2 and all(_told(known) != _told(info) for known in infos):
+        infos.append(info)
+
+
+def check_calibration(path: Path, topic: str, infos: Sequence[Any], frame: str) -> Any:
+    """Return the calibration of the camera whose images have the frame, and become a video.
 
     Raises:
-        FileFormatError: If it does not.
+        FileFormatError: If it does not fit, or sizes are odd.
     """
-    if first is not None and _told(first) != _told(info):
-        raise FileFormatError(path, "the calibration changes; valid: one camera, as it was")
-    return first or info
+    fault, (width, height) = fault_of(infos, frame), (infos[0].width, infos[0].height)
+    if not fault and (width % 2 or height % 2):
+        fault = f"images of {width} × {height}; valid: even sizes"
+    if fault:
+        raise FileFormatError(path, f"{topic}: {fault}")
+    return infos[0]
 
 
-def check_calibration(path: Path, info: Any, frame: str) -> None:
-    """Check that a calibration is one, and of the camera whose images have the frame.
-
-    Raises:
-        FileFormatError: If it is not.
-    """
+def fault_of(infos: Sequence[Any], frame: str) -> str:
+    """Return why what `add_if_new` kept is no calibration of images that have the frame, or ""."""
+    info = infos[0]
     width, height, k, d = info.width, info.height, np.reshape(info.k, (3, 3)), info.d
+    if len(infos) > 1:
+        return "the calibration changes; valid: one camera, as it was"
     if not (min(width, height) >= 2 and max(width, height) <= _MOST_PX):
-        raise FileFormatError(path, f"images of {width} × {height}; valid: 2 to {_MOST_PX} pixels")
-    if width % 2 or height % 2:
-        raise FileFormatError(path, f"images of {width} × {height}; valid: even sizes")
+        return f"images of {width} × {height}; valid: 2 to {_MOST_PX} pixels"
     if not (np.isfinite(k).all() and np.isfinite(d).all() and k[0, 0] > 0 and k[1, 1] > 0):
         focal = f"focal lengths {k[0, 0]:g} and {k[1, 1]:g}, distortion {np.round(d, 4).tolist()}"
-        raise FileFormatError(path, f"the camera is not calibrated: {focal}")
+        return f"the camera is not calibrated: {focal}"
     if info.distortion_model not in _MODELS or len(d) not in _COEFFICIENTS:
         model = f"distortion model {info.distortion_model!r} with {len(d)} coefficients"
-        raise FileFormatError(path, f"{model}; valid: plumb_bob, rational_polynomial")
+        return f"{model}; valid: plumb_bob, rational_polynomial"
     own = info.header.frame_id
     if own and frame and own != frame:
-        reason = f"a calibration of {own}, but images of {frame}; valid: one camera"
-        raise FileFormatError(path, reason)
+        return f"a calibration of {own}, but images of {frame}; valid: one camera"
+    return ""
 
 
 def of_rectified(info: Any) -> Any:

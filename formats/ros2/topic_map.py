@@ -28,7 +28,9 @@ class TopicMap:
     Attributes:
         odometry: Of `base_frame`.
         color, depth: Depth is aligned to colour.
-        camera_info: Of both, unless depth has its own; see `depth_info`.
+        camera_info: Of both, unless depth has its own.
+        depth_info: Depth's own CameraInfo; empty for `camera_info` in the folder of its images, as
+            image transports name it, if the bag has that. That of colour says that it is the same.
         joints, command, imu, instruction: An empty name leaves out what a bag has.
         base_frame: Frame of the robot's base.
         end_reason: How the episodes ended, which no topic says.
@@ -41,6 +43,7 @@ class TopicMap:
     color: str = "/camera/color/image_raw/compressed"
     depth: str = "/camera/depth/image_raw"
     camera_info: str = "/camera/color/camera_info"
+    depth_info: str = ""
     joints: str = "/joint_states"
     command: str = "/cmd_vel"
     imu: str = "/imu"
@@ -51,10 +54,11 @@ class TopicMap:
     min_episode_s: float = 1.0
 
     @property
-    def depth_info(self) -> str:
-        """Topic of depth's own CameraInfo, beside its images, as image transports name it."""
+    def own_of_depth(self) -> str:
+        """Topic of depth's own CameraInfo, perhaps guessed; empty where that has no folder."""
         image = self.depth.removesuffix("/compressed").removesuffix("/compressedDepth")
-        return f"{image.rpartition('/')[0]}/camera_info" if image else ""
+        folder = image.rpartition("/")[0]
+        return self.depth_info or (f"{folder}/camera_info" if folder else "")
 
 
 def read_topic_map(path: Path) -> TopicMap:

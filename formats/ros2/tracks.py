@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core.errors import FileFormatError, one_line
 from .bag import NANOSECONDS, STORE
-from .calibration import check_calibration, check_same, of_rectified, same_pixels
+from .calibration import add_if_new, check_calibration, fault_of, of_rectified, same_pixels
 from .clocks import Stamped, Track, tracks_by_time
 from .log import BAG_ERRORS, header_stamp, messages, stamp_lead_ns
 from .topic_map import KINDS, TopicMap
@@ -64,7 +64,8 @@ def read_tracks(path: Path, topics: TopicMap) -> Tracks:
     """
     log = _Log(path, topics)
     required = (topics.odometry, topics.color, topics.camera_info)
-    kinds: dict[str, tuple[str, ...]] = {topics.depth_info: KINDS["camera_info"]}
+    required += (topics.depth_info,) if topics.depth_info else ()
+    kinds: dict[str, tuple[str, ...]] = {topics.own_of_depth: KINDS["camera_info"]}
     kinds |= {getattr(topics, name): k for name, k in KINDS.items()}
     try:
         for topic, kind, at, data in messages(path, kinds | TRANSFORMS, required):
@@ -86,8 +87,7 @@ class _Log:
         self._image_frames: dict[str, str] = {}
         self._joints: dict[tuple[str, ...], Stamped] = {}
         self._texts: list[tuple[int, str]] = []
-        self._camera_info: Any = None
-        self._depth_info: Any = None
+        self._infos: dict[str, list[Any]] = {}
         self._start_ns = -1
 
     def take(self, topic: str, kind: str, at: int, data: bytes) -> None:
@@ -110,10 +110,8 @@ class _Log:
             text = " ".join(message.data.split())
             if text and text != (self._texts[-1][1] if self._texts else ""):
                 self._texts.append((at, text))
-        elif topic == topics.camera_info:
-            self._camera_info = check_same(self._path, self._camera_info, message)
-        elif topic == topics.depth_info:
-            self._depth_info = check_same(self._path, self._depth_info, message)
+        elif topic in (topics.camera_info, topics.own_of_depth):
+            add_if_new(self._infos.setdefault(topic, []), message)
         elif topic == topics.joints:
             names = tuple(message.name)
             stamped = self._joints.setdefault(names, Stamped())
@@ -157,12 +155,15 @@ class _Log:
         topics, doubts = self._topics, list[str]()
         color_frame = self._image_frames[topics.color]
         depth_frame = self._image_frames.get(topics.depth, "")
-        check_calibration(self._path, self._camera_info, color_frame)
+        of_color = self._infos[topics.camera_info]
+        of_color = check_calibration(self._path, topics.camera_info, of_color, color_frame)
         if topics.depth in self._read and depth_frame != color_frame:
             frames = f"depth in {depth_frame!r}, colour in {color_frame!r}"
             raise FileFormatError(self._path, f"{frames}; valid: depth aligned to colour")
-        camera_info = _as_stored(topics.color, self._camera_info, doubts)
-        depth_info = self._own_of_depth(camera_info, doubts) if depth_frame else camera_info
+        camera_info = _as_stored(topics.color, of_color, doubts)
+        depth_info = camera_info
+        if topics.depth in self._read:
+            depth_info = self._own_of_depth(of_color, camera_info, doubts)
         joints = max(self._joints, key=lambda names: len(self._joints[names].values), default=())
         if self._joints:
             self._read[topics.joints] = self._joints.pop(joints)
@@ -197,17 +198,21 @@ class _Log:
             doubts=tuple(doubts),
         )
 
-    def _own_of_depth(self, of_color: Any, doubts: list[str]) -> Any:
-        """Return the CameraInfo of depth; it may differ from colour's, in the same frame."""
-        topic, own = self._topics.depth, self._depth_info or self._camera_info
-        if not own.k[0]:
-            doubts.append(f"{topic}: has an empty calibration; colour's is taken for it")
-            own = self._camera_info
-        check_calibration(self._path, own, self._image_frames[topic])
-        own = _as_stored(topic, own, doubts)
-        if same_pixels(own, of_color):
-            return of_color
-        pair = " and ".join(_camera_in_words(info) for info in (own, of_color))
+    def _own_of_depth(self, of_color: Any, camera_info: Any, doubts: list[str]) -> Any:
+        """Return the CameraInfo of depth; it may differ from colour's, in the same frame.
+
+        Args:
+            of_color: The CameraInfo of colour's topic; `camera_info` is that of its images.
+        """
+        topic, own_topic = self._topics.depth, self._topics.own_of_depth
+        infos = self._infos.get(own_topic, [of_color])
+        if fault := fault_of(infos, self._image_frames[topic]):
+            doubts.append(f"{own_topic}: {fault}; colour's is taken for depth")
+            infos = [of_color]
+        own = _as_stored(topic, infos[0], doubts)
+        if same_pixels(own, camera_info):
+            return camera_info
+        pair = " and ".join(_camera_in_words(info) for info in (own, camera_info))
         doubts.append(f"{topic}: depth and colour are of {pair}; each is mapped by its own")
         return own
 

@@ -1,8 +1,9 @@
 """Walks of a robot's log, for which people write texts: there are films, and no map to check by."""
 
+import contextlib
+import fcntl
 import json
-import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,13 +34,12 @@ class LogWalks:
         self.names = list(self._units)
         self.films = {name: unit.video(RGB_KEY) for name, unit in self._units.items()}
         self.texts = texts
-        self._lock = threading.Lock()
 
     def path(self, name: str, annotator: str) -> dict[str, Any]:
         """Return all that the page shows of a walk; who asks does not matter."""
-        unit, written, number = self._units[name], self._read(), self.names.index(name)
-        text = written.get(name, unit.task)
-        told = [n for n in self.names if written.get(n, self._units[n].task)]
+        unit, texts, number = self._units[name], self._read(), self.names.index(name)
+        text = texts.get(name, unit.task)
+        complete = [n for n in self.names if texts.get(n, self._units[n].task)]
         later = (*self.names[number + 1 :], *self.names[: number + 1])
         walked_m = row_arrays(unit.rows())["observation.state"][:, [1, 0]] * [-1, 1]  # ahead is up
         metres = float(np.linalg.norm(np.diff(walked_m, axis=0), axis=1).sum())
@@ -48,7 +48,7 @@ class LogWalks:
             "original": unit.task,
             "text": text,
             "verdict": self.check(name, 0, text),
-            "own": "edit" if name in written else "",
+            "own": "edit" if name in texts else "",
             "reason": "",
             "others": [],
         }
@@ -64,37 +64,49 @@ class LogWalks:
             "facts": [f"{metres:.1f} m in {seconds:.0f} s; at first the robot faces up"],
             "texts": [shown],
             "film": True,
-            "agreement": {"judged": len(told), "judged_twice": 0, "agreed": 0},
+            "agreement": {"judged": len(complete), "judged_twice": 0, "agreed": 0},
             "texts_in_all": len(self.names),
-            "next_unjudged": next((self.names.index(n) for n in later if n not in told), -1),
+            "next_unjudged": next((self.names.index(n) for n in later if n not in complete), -1),
             "written": True,
         }
 
     def check(self, name: str, number: int, text: str) -> dict[str, Any]:
         """Return the verdict on a text: nothing is known of the place, so any text may be true."""
-        problems = [] if text.strip() else ["no text yet"]
-        return {"problems": problems, "clauses": [], "unchecked": []}
+        fault = "" if text.strip() else "no text yet"
+        if len(text) > _LONGEST:
+            fault = f"{len(text):,} characters; valid: up to {_LONGEST:,}"
+        return {"problems": [fault] if fault else [], "clauses": [], "unchecked": []}
 
     def decide(self, annotator: str, body: dict[str, Any]) -> None:
         """Write the text of an `edit`, or take back what was written with `undo`.
 
         Raises:
-            InputError: Another action, or an empty text.
+            InputError: Another action, or a text that is empty or too long.
             KeyError, TypeError: The request is malformed.
         """
         name, action = self._units[str(body["path"])].folder.name, str(body["action"])
-        text = " ".join(str(body.get("text", "")).split())[:_LONGEST]
-        if action not in ("edit", "undo") or (action == "edit" and not text):
-            raise InputError("walks of a log are told with edit, in some words, or undo")
-        with self._lock:
-            written = self._read()
-            written.pop(name, None)
+        text = " ".join(str(body.get("text", "")).split())
+        if action not in ("edit", "undo"):
+            raise InputError("a walk of a log takes `edit` with a text, or `undo`")
+        if action == "edit" and (problems := self.check(name, 0, text)["problems"]):
+            raise InputError(problems[0])
+        with self._alone():
+            texts = self._read()
+            texts.pop(name, None)
             if action == "edit":
-                written[name] = text
-            in_order = {n: written[n] for n in sorted(written)}
-            self.texts.parent.mkdir(parents=True, exist_ok=True)
+                texts[name] = text
+            in_order = {n: texts[n] for n in sorted(texts)}
+            content = json.dumps(in_order, ensure_ascii=False, indent=1) + "\n"
             with atomic_file(self.texts) as temporary:
-                temporary.write_text(json.dumps(in_order, ensure_ascii=False, indent=1) + "\n")
+                temporary.write_text(content, encoding="utf-8")
+
+    @contextlib.contextmanager
+    def _alone(self) -> Iterator[None]:
+        """Keep other threads and servers from the texts, which are replaced as a whole."""
+        self.texts.parent.mkdir(parents=True, exist_ok=True)
+        with self.texts.with_name(f".{self.texts.name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            yield
 
     def _read(self) -> dict[str, str]:
         if not self.texts.is_file():

@@ -20,7 +20,7 @@ _LONGEST_BODY = 20_000
 _MALFORMED = (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError)
 
 
-class Reviewed(Protocol):
+class ReviewSource(Protocol):
     """What the page shows: paths with their texts, and what becomes of those."""
 
     @property
@@ -46,7 +46,7 @@ class Reviewed(Protocol):
         ...
 
 
-def make_server(review: Reviewed, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
+def make_server(review: ReviewSource, port: int = 0) -> tuple[ThreadingHTTPServer, str]:
     """Return a server on 127.0.0.1 and the address, with its token, to open."""
     token = secrets.token_urlsafe(18)
 
@@ -70,7 +70,7 @@ class _Server(ThreadingHTTPServer):
 
 class _Handler(BaseHTTPRequestHandler):
     timeout = 30  # in seconds, for a client that sends less than it announces
-    review: Reviewed
+    review: ReviewSource
     token: str
     port: int
 

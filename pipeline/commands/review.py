@@ -5,7 +5,7 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...formats.convert.episodes import DATASET_NAME
+from ...formats.convert.episodes import DATASET_NAME, LOG_KEY
 from ...formats.core.checkout import program
 from ...formats.core.errors import InputError
 from ...formats.lerobot import read_episode_unit
@@ -19,7 +19,6 @@ from ..context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episode_file import scenes_of
 from ..options.instructions import Review as ReviewOptions
-from ..stages.convert.jobs import Kind
 from ..stages.datasets.reviewed import REVIEW_NAME
 from ..stages.instructions.instruct_job import read_sights
 
@@ -28,8 +27,8 @@ TEXTS_NAME = "texts.json"  # beside the units of a log
 
 def run(options: ReviewOptions) -> int:
     """Serve the page until interrupted."""
-    logged = units_of_log(options.run)
-    review = opened_log(options, logged) if logged else opened(options)
+    units = units_of_log(options.run)
+    review = opened_log(options, units) if units else opened(options)
     server, address = make_server(review, options.port)
     sys.stdout.write(f"{len(review.names)} paths to review at {address}\n")
     sys.stdout.flush()
@@ -49,10 +48,13 @@ def run(options: ReviewOptions) -> int:
 
 
 def units_of_log(folder: Path) -> list[Path]:
-    """Return the episodes of robots' logs that `convert` wrote into a folder, in order."""
+    """Return the episodes that `convert` cut from robots' logs into a folder, in order.
+
+    Raises:
+        FileFormatError: If the facts of a unit are damaged.
+    """
     parts = sorted(folder.glob(f"units/*/*/{DATASET_NAME}"))
-    notes = [read_json_object(path)["provenance"].get("converted", {}) for path in parts]
-    return [p.parent for p, note in zip(parts, notes, strict=True) if note.get("from") == Kind.ROS2]
+    return [path.parent for path in parts if LOG_KEY in read_json_object(path)]
 
 
 def opened_log(options: ReviewOptions, units: Sequence[Path]) -> LogWalks:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ....collectors.robots import get_robot
-from ....formats.convert.episodes import DATASET_NAME
+from ....formats.convert.episodes import DATASET_NAME, LOG_KEY
 from ....formats.convert.facts import DatasetFacts
 from ....formats.convert.ros2_unit import unit_from_log
 from ....formats.core.errors import FileFormatError, InputError, UnknownNameError
@@ -86,7 +86,8 @@ class LogUnitJob:
         }
         provenance = {"converted": source_note(Kind.ROS2) | note}
         facts = DatasetFacts(self.name, options.licence, provenance)
-        (self.out / DATASET_NAME).write_text(json.dumps(facts.to_json()))
+        told = facts.to_json() | {LOG_KEY: bag_name(self.path)}
+        (self.out / DATASET_NAME).write_text(json.dumps(told))
         return ItemResult(unit_facts(self.out, self.path))
 
 

@@ -1,6 +1,5 @@
 """Logs of robots, as bags that `rosbags` writes: resampled, and nothing invented."""
 
-import copy
 import json
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,6 @@ from rosbags.rosbag2 import StoragePlugin
 from tests.support.lerobot_data import write_unit
 from tests.support.robot_logs import (
     COLOR,
-    DEPTH,
     FOCAL_PX,
     HEIGHT,
     INFO,
@@ -166,40 +164,6 @@ def test_rectified_images_are_not_straightened_again(tmp_path: Path, focal_px: f
     straighten = Straightener(tracks.camera_info, ideal_camera(tracks.camera_info))
     straight = straighten(picture, cv2.INTER_LINEAR)
     np.testing.assert_array_equal(straight, picture)
-
-
-@pytest.mark.parametrize("name", ["image_raw", "image_rect", "image_raw/compressedDepth"])
-def test_depth_is_mapped_by_its_own_calibration(tmp_path: Path, name: str) -> None:
-    """Colour is distorted; depth, of another focal length, is not, or is straightened."""
-    topic, focal_px, bent = f"/camera/depth/{name}", 30.0, np.array([0.2, -0.1, 0.0, 0.0, 0.0])
-    center = (WIDTH - 1) / 2, (HEIGHT - 1) / 2
-    slope = (np.arange(WIDTH) - center[0]) / focal_px
-    wall = np.tile(1000 * (2.0 + slope), (HEIGHT, 1)).astype(np.uint16)  # turned from the camera
-
-    def bend(info: Any, _: int) -> None:
-        info.d = bent
-
-    def own(info: Any, _: int) -> None:
-        k = np.array([focal_px, 0, center[0], 0, focal_px, center[1], 0, 0, 1])
-        info.d, info.p = np.zeros(5), np.insert(k, [3, 6, 9], 0.0)
-        if name == "image_rect":  # then `p` is the pixels', not `k`
-            info.d, info.k = bent, 2 * k
-        else:
-            info.k = k
-
-    log = log_messages(seconds=2.0)
-    others = copy.deepcopy([message for message in log if message[1] == INFO])
-    log = each(DEPTH, lambda m, _: setattr(m, "data", wall.reshape(-1).view(np.uint8)))(log)
-    log = [(t, topic if n == DEPTH else n, k, m) for t, n, k, m in each(INFO, bend)(log)]
-    log += [(t, "/camera/depth/camera_info", k, m) for t, _, k, m in each(INFO, own)(others)]
-    write_messages(tmp_path / "log", log)
-    topics = TOPICS.replace(DEPTH, topic)
-    doubts = read_tracks(tmp_path / "log", read_topic_map(topic_map(tmp_path, topics))).doubts
-    assert any("focal length of 30.0 px, straight and" in doubt for doubt in doubts)
-    (rows,) = convert(tmp_path / "log", tmp_path / "units", topics=topics)
-    expected = 2.0 + (np.arange(WIDTH) - center[0]) / FOCAL_PX
-    for metres in rows["depth"]:
-        np.testing.assert_allclose(metres, np.tile(expected, (HEIGHT, 1)), atol=0.02)
 
 
 def test_a_walk_comes_back(tmp_path: Path) -> None:

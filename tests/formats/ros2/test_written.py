@@ -1,6 +1,7 @@
 """Texts of a robot's log are written beside its films, and converted with it."""
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -8,8 +9,10 @@ import pytest
 
 from tests.instruction_gen.test_review import ask, serving
 from tests.support.robot_logs import convert_log, write_log
-from vlnpe.formats.core.errors import InputError
+from vlnpe.formats.convert.episodes import DATASET_NAME
+from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.lerobot import read_episode_unit
+from vlnpe.pipeline import cli
 from vlnpe.pipeline.commands.review import opened_log, units_of_log
 from vlnpe.pipeline.options.instructions import Review
 
@@ -34,10 +37,13 @@ def test_texts_are_written_on_the_page_and_become_the_datasets(tmp_path: Path) -
         for body, expected in (
             ({"action": "edit", "text": "Go past\nthe sofa."}, 200),
             ({"action": "edit", "text": " "}, 409),
+            ({"action": "edit", "text": 2001 * "é"}, 409),
             ({"action": "accept"}, 409),
             ({"action": "edit", "text": "x", "path": "walk-002"}, 400),
         ):
-            assert ask(address, "/api/decide", told | body)[0] == expected
+            status, answer = ask(address, "/api/decide", told | body)
+            assert status == expected
+            assert ("2,001 characters" in answer.decode()) == (len(body.get("text", "")) > 2000)
         shown = json.loads(ask(address, "/api/path?number=1")[1])
         assert (shown["texts"][0]["text"], shown["agreement"]["judged"]) == ("Go past the sofa.", 1)
         ask(address, "/api/decide", told | {"action": "edit", "text": "No.", "path": "walk-000"})
@@ -46,6 +52,44 @@ def test_texts_are_written_on_the_page_and_become_the_datasets(tmp_path: Path) -
     assert [read_episode_unit(unit).task for unit in units] == ["", "Go past the sofa."]
     episodes = pq.read_table(out / "lerobot" / "walk" / "meta" / "episodes")
     assert episodes["tasks"].to_pylist() == [[""], ["Go past the sofa."]]
+
+
+def test_two_servers_of_one_file_lose_no_text(tmp_path: Path) -> None:
+    write_log(tmp_path / "walk", seconds=8.0, hole=(3.0, 4.0))
+    _, out = convert_log(tmp_path / "walk")
+    servers = [opened_log(Review(out), units_of_log(out)) for _ in range(2)]
+
+    def write(number: int) -> None:
+        for text in "abcdefgh":
+            body = {"path": f"walk-00{number}", "action": "edit", "text": text}
+            servers[number].decide("ann", body)
+            assert json.loads(servers[0].texts.read_text())[f"walk-00{number}"] == text
+
+    with ThreadPoolExecutor(2) as pool:
+        list(pool.map(write, range(2)))
+
+
+@pytest.mark.parametrize("way", ["lerobot", "mcap"])
+def test_a_log_converted_again_is_no_log_whose_texts_could_be_written(
+    tmp_path: Path, way: str
+) -> None:
+    write_log(tmp_path / "walk", seconds=2.0)
+    _, out = convert_log(tmp_path / "walk", "--to", way)
+    other = {"lerobot": "mcap", "mcap": "lerobot"}[way]
+    command = ["convert", str(out / way / "walk"), "--to", other, "--out", str(tmp_path / "b")]
+    assert cli.main(command) == 0
+    assert len(units_of_log(out)) == 1 and units_of_log(tmp_path / "b") == []
+
+
+@pytest.mark.parametrize("facts", ["{}", '{"provenance": []}', '{"provenance": {"converted": 1}}'])
+def test_units_of_elsewhere_are_no_log(tmp_path: Path, facts: str) -> None:
+    unit = tmp_path / "units" / "a" / "b"
+    unit.mkdir(parents=True)
+    (unit / DATASET_NAME).write_text(facts)
+    assert units_of_log(tmp_path) == []
+    (unit / DATASET_NAME).write_text("[]")
+    with pytest.raises(FileFormatError, match=DATASET_NAME):
+        units_of_log(tmp_path)
 
 
 def test_names_of_several_logs_are_kept_apart(tmp_path: Path) -> None:
