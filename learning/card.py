@@ -57,6 +57,7 @@ class Card:
         start: digest of the weights that it started from; empty for new ones.
         stairs: whether a walk took stairs, also one that the start was trained on; None where that
             is not known.
+        scenes: where it was trained, also its start; none where that is unknown.
         encoder, language: model, digest and licence of the pretrained encoders of RGB and of
             instructions that it needs, if any.
         curves: scores by step.
@@ -75,6 +76,7 @@ class Card:
     held_out: Mapping[str, Any] = field(default_factory=dict)
     start: str = ""
     stairs: bool | None = None
+    scenes: tuple[str, ...] = ()
     encoder: Mapping[str, Any] = field(default_factory=dict)
     language: Mapping[str, Any] = field(default_factory=dict)
     curves: tuple[Mapping[str, Any], ...] = ()
@@ -98,6 +100,7 @@ class _Rest(TypedDict):
     held_out: dict[str, Any]
     start: str
     stairs: NotRequired[bool | None]
+    scenes: NotRequired[tuple[str, ...]]
     encoder: NotRequired[dict[str, Any]]
     language: NotRequired[dict[str, Any]]
     curves: tuple[dict[str, Any], ...]

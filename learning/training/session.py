@@ -96,6 +96,7 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
         },
         start=start.sha256 if start is not None else "",
         stairs=_stairs(chosen, start.card if start is not None else None),
+        scenes=_scenes(chosen, start.card if start is not None else None),
         encoder=planned.encoder.facts if planned.encoder else {},
         language=planned.language.facts if planned.language else {},
     )
@@ -168,6 +169,12 @@ def _stairs(selections: Sequence[Selection], start: Card | None) -> bool | None:
     known = [None if paths is None else bool(paths) for paths in taken]
     known += [] if start is None else [start.stairs]
     return True if True in known else None if None in known else False
+
+
+def _scenes(selections: Sequence[Selection], start: Card | None) -> tuple[str, ...]:
+    """Return the scenes of the walks, and those of the start."""
+    seen = {str(scene) for selection in selections for scene in selection.labels("scene_id")}
+    return tuple(sorted(seen.union(start.scenes if start is not None else ())))
 
 
 def _vocabulary(plan: MixturePlan, config: TrainConfig) -> Tokens:

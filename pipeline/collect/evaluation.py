@@ -28,6 +28,7 @@ from ..engine.rows import StageSummary
 from ..engine.run_folder import safe_name
 from ..engine.work import WorkItem, digest
 from ..execution.runner import Context, run_stage
+from ..inputs.builtin import building_of
 from ..inputs.crews import AUTO, action_timing, auto_controller, chosen_robots, keep_crews
 from ..inputs.episode_file import episodes_of
 from ..inputs.views import chosen_views
@@ -263,6 +264,15 @@ def _warn_of_other_training(
     if card.stairs is False and (count := sum(bool(e.staircases) for e in episodes)):
         of = len(episodes)
         log.warning("%s was trained on no stairs, and %d of %d paths take some", policy, count, of)
+    known = {building_of(scene) for scene in card.scenes}
+    aside = card.held_out.get("trajectories", ())
+    seen = [building_of(e.scene_id) for e in episodes if building_of(e.scene_id) in known
+            and f"{e.scene_id}/{e.trajectory_id}" not in aside]  # fmt: skip
+    if seen:
+        log.warning(
+            "%s was trained in %s, where %d of %d paths are: that says nothing of other buildings",
+            policy, ", ".join(sorted(set(seen))), len(seen), len(episodes),
+        )  # fmt: skip
 
 
 def _default_out(options: Evaluate, trial: Trial) -> Path:

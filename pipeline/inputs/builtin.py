@@ -12,6 +12,7 @@ _FORM = re.compile(
     rf"{BUILTIN}(?P<exact>-exact)?(?::(?P<kind>[^*@]*))?(?:\*(?P<count>[^@]*))?(?:@(?P<seed>.*))?"
 )
 _MOST = 1000
+_EXACT = "exact-"  # how names of scenes begin that are no scans
 
 
 @dataclass(frozen=True)
@@ -30,11 +31,16 @@ class BuiltIn:
     @property
     def name(self) -> str:
         """Name of the scene; the same building has the same name in every run."""
-        return f"{'' if self.scanned else 'exact-'}{self.kind}-{self.seed}"
+        return f"{'' if self.scanned else _EXACT}{self.kind}-{self.seed}"
 
     def and_next(self, count: int) -> "list[BuiltIn]":
         """Return `count` buildings of consecutive seeds, of which this is the first."""
         return [replace(self, seed=self.seed + k) for k in range(count)]
+
+
+def building_of(scene_id: str) -> str:
+    """Return one name for a scene whether it was scanned virtually or not."""
+    return scene_id.removeprefix(_EXACT)
 
 
 def parse_builtin(text: str, seed: int) -> list[BuiltIn]:

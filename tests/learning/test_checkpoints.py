@@ -34,7 +34,9 @@ def trained(walks: Walks, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return train_recipe(request(walks, out, 1), show=False).checkpoint
 
 
-def test_a_card_says_whether_a_walk_took_stairs(walks: Walks, tmp_path: Path) -> None:
+def test_a_card_says_where_its_walks_were_and_if_one_took_stairs(
+    walks: Walks, tmp_path: Path
+) -> None:
     """Also one that the start was trained on; and nothing where the dataset does not tell."""
 
     def train(name: str, staircases: list[list[int]] | None, start: Path | None = None) -> Path:
@@ -55,6 +57,7 @@ def test_a_card_says_whether_a_walk_took_stairs(walks: Walks, tmp_path: Path) ->
     made = [level, climbs, unknown]
     made += [train(f"from-{k}", [[], []], start) for k, start in enumerate(made)]
     assert [read_card(path)[0].stairs for path in made] == 2 * [False, True, None]
+    assert {read_card(path)[0].scenes for path in made} == {("two_rooms",)}
     card = json.loads(card_path(level).read_text())
     del card["stairs"]
     card_path(level).write_text(json.dumps(card))

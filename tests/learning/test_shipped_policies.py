@@ -81,6 +81,10 @@ def test_unfamiliar_settings_are_warned_of(
     upstairs = replace(level, extra={"staircases": [0], "levels": [level.level, 1]})
     warn("cma-robots", "aliengo", "speed", level, upstairs)
     assert "cma-robots was trained on no stairs, and 1 of 2 paths take some" in caplog.text
+    assert "was trained in" not in caplog.text
+    home = replace(level, scene_id="apartment-0")
+    warn("cma-robots", "aliengo", "speed", level, home, replace(home, scene_id="exact-villa-0"))
+    assert "cma-robots was trained in apartment-0, villa-0, where 2 of 3 paths are" in caplog.text
 
 
 def test_one_with_pretrained_encoders_says_which_extra_it_needs(
