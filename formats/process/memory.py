@@ -6,7 +6,7 @@ import gc
 
 # Parameters of glibc's `mallopt`, and what they are set to [bytes].
 _TRIM_THRESHOLD, _TOP_PAD, _MMAP_THRESHOLD = -1, -2, -3
-_KEPT, _AHEAD, _LARGE = 1 << 30, 32 << 20, 32 << 20
+_KEPT, _AHEAD, _LARGE = 1 << 28, 32 << 20, 32 << 20
 
 
 def keep_memory() -> None:
