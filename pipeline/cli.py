@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, Union
 
 from ..formats.core.errors import InputError, UnknownNameError, VlnpeError
-from ..formats.process.memory import keep_memory
+from ..formats.process.memory import collect_cycles_less_often
 from ..formats.untrusted.files import is_text
 from .engine.signals import (
     PIPE_CLOSED,
@@ -184,7 +184,7 @@ def _run(arguments: Sequence[str]) -> int:
     os.environ.setdefault("MPLCONFIGDIR", str(FONT_LIST_FOLDER))
     # GLFW's import starts a process in every worker; the renderer `gl` opens EGL itself.
     os.environ.setdefault("MUJOCO_GL", "disable")
-    keep_memory()
+    collect_cycles_less_often()
     for argument in arguments:
         if not is_text(Path(argument)):
             _complain(f"{argument!a} is not UTF-8; rename the file or folder")

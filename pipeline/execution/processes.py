@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from typing import Any
 
-from ...formats.process.memory import keep_memory
+from ...formats.process.memory import collect_cycles_less_often
 from ...formats.process.source import write_cache
 from ..engine.signals import without_interrupts
 from .base import Executor
@@ -95,7 +95,7 @@ def _import(modules: Sequence[str]) -> None:
 def _lead_and_watch() -> None:
     """Lead a process group, and end it when the parent process has died, even by SIGKILL."""
     os.setpgrp()
-    keep_memory()
+    collect_cycles_less_often()
     parent = multiprocessing.parent_process()
     if parent is not None:
         threading.Thread(target=_end_after, args=(parent,), daemon=True).start()
