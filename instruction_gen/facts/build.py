@@ -131,13 +131,15 @@ def _passages(
     for c, visit in zip(crossed, visits, strict=False):
         opening = _opening_at(shared, c)
         through = opening is not None and opening.noun == DOOR
-        framed = opening and through and opening.is_at(c.position_xy_m, c.from_region, c.to_region)
-        at = opening.middle_m if opening and framed else c.position_xy_m
+        frame = opening if through else None
+        if frame and not frame.is_at(c.position_xy_m, c.from_region, c.to_region):
+            frame = None
+        at = frame.middle_m if frame else c.position_xy_m
         bearing = track.bearing_deg(c.along_m - BEFORE_M, at)
         into = next((t for t in turns if -1.5 <= t.along_m - c.along_m <= 0.0), None)
         side = ("left" if bearing > 0 else "right") if abs(bearing) > _ASIDE_DEG else ""
         # A walk along the wall that a door is in has it ahead and turns into it.
-        ahead = opening and framed and opening.is_ahead(track.heading_at_rad(c.along_m - BEFORE_M))
+        ahead = frame and frame.is_ahead(track.heading_at_rad(c.along_m - BEFORE_M))
         side = side or (into.side if into and abs(into.angle_deg) > 45.0 and not ahead else "")
         to_room = shared.names[c.to_region]
         place = _place_in_row(landmarks, side, visit.from_m, c.along_m) if side else 0
@@ -156,11 +158,7 @@ def _opening_at(shared: LevelFacts, crossing: Crossing) -> Opening | None:
     rooms, at = {crossing.from_region, crossing.to_region}, crossing.position_xy_m
     return min(
         shared.openings,
-        key=lambda o: (
-            not rooms.issubset(o.rooms),
-            o.distance_m(at),
-            o.noun,
-        ),
+        key=lambda o: (not rooms.issubset(o.rooms), o.distance_m(at), o.noun),
         default=None,
     )
 

@@ -50,10 +50,8 @@ class Opening:
 
     def is_ahead(self, heading_rad: float) -> bool:
         """Return whether it is plainly in a wall across a heading, not in one along it."""
-        heading, size_m = (
-            np.abs((np.cos(heading_rad), np.sin(heading_rad))),
-            self.high_m - self.low_m,
-        )
+        heading = np.abs((np.cos(heading_rad), np.sin(heading_rad)))
+        size_m = self.high_m - self.low_m
         return bool(heading @ size_m[::-1] > 2.0 * (heading @ size_m))
 
 
