@@ -9,10 +9,11 @@ from ..facts.records import LandmarkFact, PathFacts
 from .grammar import pick
 from .names import Names
 from .records import Event, Taste
-from .refer import PASS_DOOR_M, at_start, passed, walked_over
+from .refer import PASS_DOOR_M, at_start, in_sight, in_view, passed, walked_over
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
+_VIEW_M = 5.0  # what is in view ahead may be told where nothing is passed
 _CHAINED = 0.8  # how often a second thing is passed in one breath
 _OVER = 0.6  # how often a rug that is walked over is mentioned
 _NOT = 0.4  # how often a doorway that is passed is told as one not to take
@@ -24,7 +25,17 @@ _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
 # Events that name one thing, but not its side.
 _STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
 _BY_ONE = _STOPS_BY_ONE | {
-    *("facing", "behind", "turn_at", "turn_before", "turn_to", "turn_after", "turn_enter_at"),
+    *(
+        "facing",
+        "behind",
+        "turn_at",
+        "turn_beside",
+        "to_thing",
+        "turn_before",
+        "turn_to",
+        "turn_after",
+        "turn_enter_at",
+    ),
     *("cue", "enter_see", "enter_turn_to", "pass", "goal_thing"),
 }
 _PASSES = ("pass", "over", "between")
@@ -89,7 +100,8 @@ def passed_events(
             continue
         best = names.best(_passing(facts, low + 0.5, high - 0.6))
         if best is None:
-            result += _passed_door(facts, names, low + 0.7, high - 0.7)
+            doors = _passed_door(facts, names, low + 0.7, high - 0.7)
+            result += doors or _view(facts, names, low + 0.4)
             continue
         if best.plural:  # a row of chairs is passed before and after much else
             continue
@@ -109,6 +121,9 @@ def passed_events(
                 event, kind=pick(kinds, names.rng), Y=second, t=second.mark.side,
                 to_m=second.mark.along_m,
             )  # fmt: skip
+            third = names.best(_passing(facts, event.to_m + 0.6, high - 0.3))
+            if third is not None and not third.plural:
+                event = replace(event, kind="pass_three", Z=third, to_m=third.mark.along_m)
         elif names.rng.random() < 0.7:
             long = mark.size_m >= _LONG_THING_M and mark.distance_m <= _CLOSE_M
             event = replace(event, kind="pass_along" if long else "pass_side")
@@ -126,6 +141,17 @@ def _passing(
         return mark.distance_m if here else None
 
     return far
+
+
+def _view(facts: PathFacts, names: Names, along_m: float) -> list[Event]:
+    """Return two things in view ahead, if there are two."""
+
+    def ahead(mark: LandmarkFact) -> float | None:
+        return in_view(mark, facts, along_m, 30.0, _VIEW_M)
+
+    one = names.best(ahead)
+    other = names.some(lambda m: in_sight(m, facts, along_m)) if one else None
+    return [Event("view", along_m, X=one, Y=other)] if other else []
 
 
 def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) -> list[Event]:

@@ -17,11 +17,11 @@ from .along import (
     with_distances,
     with_neighbours,
 )
-from .grammar import is_hall
+from .grammar import Phrase, is_hall, pick
 from .moves import ambiguous
 from .names import Names
 from .realize import Usage, realize
-from .records import TASTES, Event, Taste
+from .records import PLANS, TASTES, Event, Taste
 from .steps import move_events
 from .stop import stop_events
 
@@ -34,7 +34,8 @@ _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "e
 _ENTERS, _STOPS_INTO = ("enter", "enter_door", "enter_ahead"), 0.6
 _OFF_LENGTH = 25.0  # what a text costs that is twice as long as it may be
 _BY_PACES = ("stop_after", "stop_facing")  # how far one walks to the stop is told
-_Draft = tuple[float, WrittenText, tuple[str, ...]]  # how bad it is, the text, kinds of its events
+# How bad it is, the text, what it goes by with the kinds of its events, their phrases.
+_Draft = tuple[float, WrittenText, tuple[str, ...], tuple[Phrase, ...]]
 
 
 def compose_texts(
@@ -60,33 +61,26 @@ def compose_texts(
     if reason := ambiguous(ground.facts):
         return [], [reason]
     chosen: list[_Draft] = []
-    called: dict[str, str] = {}
     problems: list[str] = []
     for number in range(count):
         style = styles[number % len(styles)]
-        drafts = [_draft(ground.facts, style, rng, usage, chosen, called) for _ in range(DRAFTS)]
+        drafts = [_draft(ground.facts, style, rng, usage, chosen) for _ in range(DRAFTS)]
         drafts.sort(key=lambda d: d[0])
-        for attempt, (score, text, kinds) in enumerate(drafts[:_MOST_CHECKED], start=1):
-            if text.text in taken or any(text.text == other.text for _, other, _ in chosen):
+        for attempt, (score, text, kinds, phrases) in enumerate(drafts[:_MOST_CHECKED], start=1):
+            if text.text in taken or any(text.text == other.text for _, other, *_ in chosen):
                 continue
             verdict = check_text(text.text, ground, text.steps)
             if verdict.ok:
-                chosen.append((score, replace(text, attempts=attempt), kinds))
+                chosen.append((score, replace(text, attempts=attempt), kinds, phrases))
                 usage.add(text.text)
                 break
             problems = list(verdict.problems)
-    return [text for _, text, _ in chosen], ([] if chosen else problems)
+    return [text for _, text, *_ in chosen], ([] if chosen else problems)
 
 
-def plan(
-    facts: PathFacts, taste: Taste, rng: np.random.Generator, called: dict[str, str] | None = None
-) -> list[Event]:
-    """Choose what to mention, in order, the stop last.
-
-    Args:
-        called: what the other texts of the path call things and rooms; it is added to.
-    """
-    names = Names(facts, rng, taste.looks, called)
+def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event]:
+    """Choose what to mention, in order, the stop last."""
+    names = Names(facts, rng, taste.looks)
     stop = stop_events(facts, names, taste)
     start = start_events(facts, names, taste)
     if stop[0].kind in _BY_PACES:  # only what is passed shows where
@@ -108,6 +102,11 @@ def plan(
         kind = stop[0].kind if rest > FEW_STEPS_M else few
         faced = stop[0].X if kind != "stop_into" else None
         stop[0] = replace(stop[0], kind=kind, far_m=rest, B=entered, X=faced)
+    if stop[0].kind == "stop_doorway" and events and events[-1].B == stop[0].C:
+        if events[-1].kind in _ENTERS:
+            events = events[:-1]
+        else:
+            stop[0] = replace(stop[0], kind="stop_here")
     thing = stop[0].X
     there = thing is None or thing.mark.room in ("", facts.goal_room)
     kind = _INTO.get(stop[0].kind) if there else None
@@ -121,27 +120,28 @@ def plan(
 
 
 def _draft(
-    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage,
-    others: Sequence[_Draft], called: dict[str, str],
-) -> _Draft:  # fmt: skip
+    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage, others: Sequence[_Draft]
+) -> _Draft:
     """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
     taste = TASTES[style]
     spread = float(rng.uniform(0.5, 1.3))
-    taste = replace(
-        taste,
-        marks=taste.marks * spread,
-        passed=int(rng.integers(taste.passed > 2, taste.passed + 1)) if taste.passed else 0,
-    )
-    events = plan(facts, taste, rng, called)
-    steps = realize(events, style, rng, usage)
+    used = {kinds[0] for _, _, kinds, _ in others}
+    told = frozenset(phrase for *_, phrases in others for phrase in phrases)
+    goes_by = pick([name for name in PLANS if name not in used] or list(PLANS), rng)
+    some = int(rng.integers(taste.passed > 2, taste.passed + 1)) if taste.passed else 0
+    taste = replace(taste, marks=taste.marks * spread, passed=some)
+    if style != "terse":
+        taste = replace(taste, **PLANS[goes_by])
+    events = plan(facts, taste, rng)
+    steps, phrases = realize(events, style, rng, usage, told)
     text = " ".join(step.words for step in steps)
-    told = [r for e in events for r in (e.X, e.Y, e.X and e.X.beside) if r is not None]
-    marks = tuple(r.mark.name for r in told)
-    kinds = tuple(e.kind for e in events)
+    named = [r for e in events for r in (e.X, e.Y, e.Z, e.X and e.X.beside) if r is not None]
+    marks = tuple(r.mark.name for r in named)
+    kinds = (goes_by, *(e.kind for e in events))
     low, high = WORDS[style]
     words = len(text.split())
     outside = max(low - words, words - high, 0) / high
-    shared = sum(mark in other.landmarks for mark in marks for _, other, _ in others)
-    same = sum(kind in used for kind in kinds for _, _, used in others) / max(1, len(kinds))
+    shared = sum(mark in other.landmarks for mark in marks for _, other, *_ in others)
+    same = sum(kind in other for kind in kinds for _, _, other, _ in others) / max(1, len(kinds))
     score = 2.0 * usage.repetition(text) + _OFF_LENGTH * outside + 0.15 * shared + 0.3 * same
-    return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds
+    return score, WrittenText(text, "en", style, COMPOSER, marks, steps=steps), kinds, phrases

@@ -15,7 +15,8 @@ from .records import Event
 from .refer import Reference
 
 _CHOICE = re.compile(r"\[([^\]]*)\]")
-_SLOT = re.compile(r"\{(\w+)\}")
+_SLOT, _SHARED = re.compile(r"\{(\w+)\}"), re.compile(r"<(\w+)>")
+_BEGUN = re.compile(r"(?<=\. )[a-z]")
 _VOICES = {"t": "terse", "n": "natural", "r": "rich"}
 _NUMBER = {round(n): w for w, n in reversed(NUMBERS.items()) if n == round(n)}
 _ORDINAL = {n: w for w, n in reversed(ORDINALS.items()) if w.isalpha()}
@@ -97,20 +98,20 @@ def _claims(form: Sequence[str], event: Event) -> list[Claim]:
 
 
 @cache
-def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Sequence[str]]]:
-    """Return the phrases of `grammar.txt` by kind of event, and names of things and rooms."""
+def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Mapping[str, Sequence[str]]]]:
+    """Return the phrases of `grammar.txt` by kind of event, and its other parts."""
     text = (files(__package__) / "grammar.txt").read_text(encoding="utf-8")
     rules: dict[str, list[Phrase]] = {}
-    called: dict[str, list[str]] = {}
+    parts: dict[str, dict[str, list[str]]] = {"called": {}, "words": {}}
     part, kind, claims = "", "", ()
     for line in text.splitlines():
         if not line.strip() or line.startswith("#"):
             continue
         if line.startswith("%"):
             part = line[1:]
-        elif part == "called":
-            noun, _, names = line.partition(": ")
-            called[noun] = names.split(", ")
+        elif part in parts:
+            name, _, ways = line.partition(": ")
+            parts[part][name] = ways.split(", " if part == "called" else "|")
         elif " = " in f"{line} ":
             kind, _, spec = (w.strip() for w in f"{line} ".partition(" = "))
             claims = tuple(tuple(claim.split()) for claim in spec.split(";") if claim.strip())
@@ -122,12 +123,20 @@ def grammar() -> tuple[Mapping[str, Sequence[Phrase]], Mapping[str, Sequence[str
             )
             voice = frozenset(_VOICES[v] for v in voices)
             rules.setdefault(kind, []).append(Phrase(rest, joint, voice, claims))
-    return rules, called
+    return rules, parts
+
+
+def expand(template: str, rng: np.random.Generator) -> str:
+    """Return a template with one of each choice and of the words that phrases share."""
+    shared = grammar()[1]["words"]
+    while "<" in template:
+        template = _SHARED.sub(lambda m: pick(shared[m[1]], rng), template)
+    return _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), template)
 
 
 def name_of(noun: str, rng: np.random.Generator) -> str:
     """Return a name for a thing or room in the lexicon, mostly the usual one."""
-    names = grammar()[1].get(noun, (noun,))
+    names = grammar()[1]["called"].get(noun, (noun,))
     return names[0] if rng.random() < _USUAL else pick(names, rng)
 
 
@@ -155,9 +164,10 @@ def drafts(
     odd: list[Clause] = []
     for _ in range(count):
         phrase = pick(options, rng)
-        words = _CHOICE.sub(lambda m: pick(m[1].split("|"), rng), phrase.template)
+        words = expand(phrase.template, rng)
         new = event.kind.startswith(_NEW_KINDS)
         filled = " ".join(_SLOT.sub(lambda m, new=new: _slot(m[1], event, new), words).split())
+        filled = _BEGUN.sub(lambda m: m[0].upper(), filled)
         into_hall = _INSIDE.search(words) and is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(filled.split())
         again = (event.along_m < 0.3 or before is None) and _MORE & set(filled.split())
@@ -175,11 +185,11 @@ def _last_sentence(clause: Clause) -> str:
 
 def is_hall(room: str) -> bool:
     """Return whether a room, as it is called, is a hallway."""
-    return room.removeprefix("next ").removeprefix("long ") in grammar()[1]["hallway"]
+    return room.removeprefix("next ").removeprefix("long ") in grammar()[1]["called"]["hallway"]
 
 
 def _slot(slot: str, event: Event, new: bool) -> str:
-    value = getattr(event, slot, None)
+    value = getattr(event, slot[-1], None)
     if slot in _AGREES:
         plural = event.X is not None and (event.X.plural or event.X.phrase.endswith("stairs"))
         return _AGREES[slot][plural]
@@ -189,8 +199,9 @@ def _slot(slot: str, event: Event, new: bool) -> str:
         return _ORDINAL[event.ordinal]
     if isinstance(value, Reference):
         thing = value.words.removeprefix("the ")
-        several = new and value.mark.count > 1 and not value.plural
-        article = "the" if not several else "an" if thing[0] in "aeio" else "a"
+        one = slot[0] == "a" or (new and value.mark.count > 1)
+        article = "" if one and value.plural else "the"
+        article = ("an" if thing[0] in "aeio" else "a") if one and article else article
         return f"{article} {thing}"
     if slot not in "ABC":
         return str(value)

@@ -11,22 +11,26 @@ from .grammar import name_of, pick
 from .refer import Reference, at_hand, in_row
 
 _SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
-_BIG = frozenset(("sofa", "bed", "table", "desk", "cabinet"))
-_TALL = frozenset(("wardrobe", "bookshelf"))
-_LARGE_M, _LONG_M = 1.7, 2.5
+# Adjectives of things larger or smaller (negative) than a size [m].
+_SIZES = (
+    ("tall", 1.7, frozenset(("wardrobe", "bookshelf", "mirror", "cabinet"))),
+    ("large", 1.7, frozenset(("sofa", "bed", "table", "desk"))),
+    ("big", 1.9, frozenset(("sofa", "bed", "table", "rug"))),
+    ("long", 1.5, frozenset(("bench", "sideboard", "tv stand", "counter", "shelf"))),
+    ("low", 0.0, frozenset(("coffee table", "tv stand", "bench"))),
+    ("small", -0.6, frozenset(("nightstand", "basket", "pouf", "stool", "plant"))),
+)
+_LONG_M = 2.5
 _MOST_ALIKE = 6  # "the desks" among more than so many in a room are nowhere
 
 
 class Names:
     """What things and rooms are called in one text, and which were mentioned already."""
 
-    def __init__(
-        self, facts: PathFacts, rng: np.random.Generator, looks: float,
-        called: dict[str, str] | None = None,
-    ):  # fmt: skip
-        """Start with the names of the other texts of the path, which are added to."""
+    def __init__(self, facts: PathFacts, rng: np.random.Generator, looks: float):
+        """Start with no names."""
         self.facts, self.rng, self.looks = facts, rng, looks
-        self.called = {} if called is None else called
+        self.called: dict[str, str] = {}
         self.names: set[str] = set()
         self.homed = False  # whether the text says in which room it starts
         self.nouns = {"stairs"} if facts.climbs else set[str]()
@@ -37,7 +41,7 @@ class Names:
         ]  # fmt: skip
 
     def name(self, name: str) -> str:
-        """Return what a room or a kind of thing is called throughout the texts."""
+        """Return what a room or a kind of thing is called throughout the text."""
         if name not in self.called:
             self.called[name] = name_of(name, self.rng) if name else ""
         return self.called[name]
@@ -77,7 +81,7 @@ class Names:
         self, mark: LandmarkFact, distance_m: float, *, at_goal: bool = False
     ) -> Reference | None:
         """Return a name of a thing and perhaps a look; None where another thing might be meant."""
-        looks = [word for word in (mark.colour, mark.material, _size(mark)) if word]
+        looks = [word for word in (mark.colour, mark.material, *_sizes(mark)) if word]
         look = pick(looks, self.rng) if looks and self.rng.random() < self.looks else ""
         phrase = self.name(mark.noun)
         if any(called(noun, phrase.lower()) for noun in self._about if noun != mark.noun):
@@ -111,6 +115,17 @@ class Names:
             look if look == mark.colour else "", look if look == mark.material else "",
         )  # fmt: skip
 
+    def some(self, near: Callable[[LandmarkFact], float | None]) -> Reference | None:
+        """Return a thing that is not told from others of its kind: "a window", "pictures"."""
+        marks = [m for m in self.facts.landmarks if m.noun not in self.nouns and near(m)]
+        if not marks:
+            return None
+        mark = pick(marks, self.rng)
+        several = sum(m.noun == mark.noun for m in marks) > 1
+        phrase = spoken(self.name(mark.noun))
+        words = spoken(self.name(mark.noun), plural=several)
+        return self.mention(Reference(mark, phrase.lower(), f"the {words}", several, 0.0))
+
     def mention(self, reference: Reference) -> Reference:
         """Remember a thing."""
         self.names.add(reference.mark.name)
@@ -127,9 +142,11 @@ class Names:
         return None if result is None or result.plural else self.mention(result)
 
 
-def _size(mark: LandmarkFact) -> str:
-    """Return an adjective for a thing of clearly more than the usual size."""
-    head = mark.noun.split()[-1]
-    if head in _TALL and mark.size_m >= _LARGE_M:
-        return "tall"
-    return "large" if head in _BIG and mark.size_m >= _LARGE_M else ""
+def _sizes(mark: LandmarkFact) -> list[str]:
+    """Return adjectives for the size of a thing."""
+    names = {mark.noun, mark.noun.split()[-1]}
+    return [
+        word
+        for word, from_m, nouns in _SIZES
+        if names & nouns and (mark.size_m >= from_m if from_m >= 0.0 else mark.size_m <= -from_m)
+    ]

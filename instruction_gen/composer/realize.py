@@ -2,18 +2,18 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..language.claims import Claim, Step
-from .grammar import Clause, drafts, pick
+from .grammar import Clause, Phrase, drafts, pick
 from .records import Event
 
 _CHOICES = 32  # ways to say an event, of which the least used is taken
-_OPENERS = ("Then", "Now", "From there,")
-_OPENED, _MOST_OPENED = 0.2, 1
+_OPENERS = ("Then", "Now", "From there,", "Next,", "After that,")
+_OPENED, _MOST_OPENED = 0.25, 2
 _JOINTS = {
     "terse": (", ", ", then ", " and "),
     "natural": (" and ", ", then ", ", and then "),
@@ -21,9 +21,10 @@ _JOINTS = {
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
+_TOLD = 0.8  # a phrase of another text of the path
 _TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
-_BREVITY = {"terse": 2.0, "natural": 0.3, "rich": 0.0}  # what each word of a clause costs
+_BREVITY = {"terse": 1.0, "natural": 0.3, "rich": 0.0}  # what each word of a clause costs
 _FLOW = 0.5  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
@@ -67,9 +68,14 @@ class _Sentence:
 
 
 def realize(
-    events: Sequence[Event], voice: str, rng: np.random.Generator, usage: Usage
-) -> tuple[Step, ...]:
-    """Return the sentences of a text with their claims, the stop in the last."""
+    events: Sequence[Event], voice: str, rng: np.random.Generator, usage: Usage,
+    told: Collection[Phrase] = (),
+) -> tuple[tuple[Step, ...], tuple[Phrase, ...]]:  # fmt: skip
+    """Return the sentences of a text with their claims, the stop in the last, and their phrases.
+
+    Args:
+        told: the phrases of the other texts of the path, which are said again least.
+    """
     clauses: list[Clause] = []
     for event in events:
         ways = drafts(event, voice, rng, _CHOICES, clauses[-1] if clauses else None)
@@ -80,13 +86,14 @@ def realize(
             words = clause.words.split()
             new = min(2, sum(not usage.counts[word,] for word in words)) * (voice != "terse")
             again = 1.5 * usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
-            again += _TWICE * len(said & set(words))
+            again += _TWICE * len(said & set(words)) + _TOLD * (clause.phrase in told)
             return (
                 again + _BREVITY[voice] * len(words) - _FLOW * (clause.phrase.joint in ("&", "+"))
             )
 
         clauses.append(min(ways, key=worse))
-    return _sentences(clauses, voice, rng)
+    phrases = tuple(clause.phrase for clause in clauses)
+    return _sentences(clauses, voice, rng), phrases
 
 
 def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) -> tuple[Step, ...]:

@@ -14,7 +14,7 @@ class Event:
         along_m: where [m].
         A: room that is left, "" = not mentioned.
         B, C: rooms that are entered, or C another one.
-        X, Y: things.
+        X, Y, Z: things.
         s, t: sides.
         w: `up` or `down` stairs.
         far_m: how far to walk [m].
@@ -30,6 +30,7 @@ class Event:
     C: str = ""
     X: Reference | None = None
     Y: Reference | None = None
+    Z: Reference | None = None
     s: str = ""
     t: str = ""
     w: str = ""
@@ -72,6 +73,9 @@ class Taste:
         looks: how often a known colour or material is mentioned.
         goal: how often it says first where the way ends.
         more: how often the stop is told by a second thing, the room, or what lies beyond.
+        toward: how often a turn is told by what the way then comes to.
+        rooms: how often a room that is entered is told by the things in it.
+        brief: how often a turn is left out where the name of the next room is enough.
     """
 
     voice: str
@@ -82,10 +86,20 @@ class Taste:
     looks: float
     more: float
     goal: float = 0.0
+    toward: float = 0.0
+    rooms: float = 0.0
+    brief: float = 0.0
 
 
 TASTES = {
-    "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0),
-    "natural": Taste("natural", 0.4, 0.15, 1, 2.2, 0.3, 0.3, 0.25),
-    "rich": Taste("rich", 0.8, 0.4, 4, 1.4, 0.5, 0.8, 0.35),
+    "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0, brief=0.7),
+    "natural": Taste("natural", 0.4, 0.25, 1, 2.2, 0.5, 0.5, 0.15),
+    "rich": Taste("rich", 0.8, 0.5, 4, 1.4, 0.6, 0.8, 0.25, brief=0.4),
+}
+# What a longer text goes by, of which each text of a path takes another: turns and doors,
+# landmarks, or rooms and what stands in them.
+PLANS = {
+    "turns": {"toward": 0.1, "rooms": 0.1},
+    "marks": {"toward": 0.8, "rooms": 0.2, "marks": 1.0},
+    "rooms": {"toward": 0.3, "rooms": 0.8},
 }

@@ -12,11 +12,17 @@ PASS_M, PASS_DOOR_M = 2.0, 1.8
 STOP_M, STOP_AT_M = 1.9, 1.2  # of the nearest thing, of any other
 _TURN_M = 1.7
 _AROUND_M = 1.2
+_AT_HAND_M = 1.1
 _NEW_M = 1.5  # who walks farther toward a thing in view takes it for no cue
 # A thing to stop at is shown by at least so many pixels (of 128 × 96) of the last look.
 _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
 HUNG = ("picture", "window")  # on walls, passed like things
+# What one may see in a room beside the things that stand there.
+_SIGHTS = frozenset(
+    """window,picture,rug,clock,curtain,chair,plant,mirror,towel rail,wall cupboard,bin,shelf,
+toilet,range hood,ceiling lamp,pouf,basket,nightstand,radiator""".replace("\n", "").split(",")
+)
 _OVER_MOMENTS = 4  # a quarter of a metre apart
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 
@@ -87,6 +93,21 @@ def walked_to(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | N
     far_m, later = in_view(mark, facts, along_m, 20.0, 5.0), moment_at(mark, along_m + 1.0)
     nearer = later is not None and far_m is not None and later.distance_m < far_m - 0.6
     return far_m if nearer else None
+
+
+def comes_to(mark: LandmarkFact, facts: PathFacts, from_m: float, to_m: float) -> float | None:
+    """Return how far a thing in view is that the way comes to between two places [m], else None."""
+    far_m = in_view(mark, facts, from_m - 0.3, 75.0, 5.0)
+    reached = any(m.distance_m <= _AT_HAND_M for m in mark.moments if from_m < m.along_m <= to_m)
+    return far_m if reached and far_m is not None and far_m > _AT_HAND_M else None
+
+
+def in_sight(mark: LandmarkFact, facts: PathFacts, along_m: float) -> float | None:
+    """Return how far anything of the room is that one sees from a place [m], else None."""
+    m = moment_at(mark, along_m)
+    here = mark.room == facts.room_at(along_m) and mark.noun in _SIGHTS
+    clear = m is not None and here and m.open and abs(m.facing_deg) <= 60.0
+    return m.distance_m if m and clear and 0.6 <= m.distance_m <= 4.5 else None
 
 
 def in_view(

@@ -16,9 +16,12 @@ from .records import Event, Taste
 from .refer import (
     HUNG,
     PASS_DOOR_M,
+    Reference,
     around,
     at_turn,
     before_reached,
+    comes_to,
+    in_sight,
     in_view,
     moment_at,
     new_in_view,
@@ -28,7 +31,10 @@ from .refer import (
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
+_BEFORE_STAIRS = 2  # through so many rooms the way to the stairs may be left unsaid
 _AT_ONCE_M = 1.3
+_BESIDE_M = 1.0  # one turns beside a thing that is so near
+_LEADS_M, _LEADS_DEG = 3.5, 110.0  # how far and how sharply a turn may lead to a thing
 _JUST_M = 1.5
 _SIDED_DEG = 40.0  # a thing so far aside of who enters is on his side
 _SWING_M = 0.4  # a doorway so far to the other side is not on its side
@@ -41,9 +47,10 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     """Return the moves as events, most with a thing where one is visible."""
     result: list[Event] = []
     todo = moves(facts)
+    todo = [_brief(m, after, facts, taste, names.rng) for m, after in pairwise([*todo, None]) if m]
     if taste.voice == "terse":
-        todo = [_brief(m, after, facts, names.rng) for m, after in pairwise([*todo, None]) if m]
         todo = [m for m in todo if m.passage or m.climb or not m.turn or _tells(m.turn)]
+        todo = _from_stairs(todo, facts) if names.rng.random() < taste.brief else todo
     while todo:
         move, todo = todo[0], todo[1:]
         after = todo[0] if todo else None
@@ -58,9 +65,19 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
         else:
             gap = move.along_m - (result[-1].done_m if result else 0.0)
             tell = climb_event if move.climb else _turn if move.passage is None else _passage
-            result.append(tell(move, gap, facts, names, taste))
+            upto_m = after.along_m if after else facts.length_m - 0.5
+            led = None if move.climb or move.passage else _led(move, upto_m, facts, names, taste)
+            result.append(led or tell(move, gap, facts, names, taste))
     result = with_end([off_stairs(event, facts) for event in result], names.rng)
     return [_again(event, before) for before, event in pairwise([None, *result]) if event]
+
+
+def _from_stairs(todo: list[Move], facts: PathFacts) -> list[Move]:
+    """Return the moves from the first stairs on, where the way to them needs no words."""
+    first = next((k for k, move in enumerate(todo) if move.climb), 0)
+    if not first or sum(v.from_m < todo[first].along_m for v in facts.visits) > _BEFORE_STAIRS:
+        return todo
+    return [replace(todo[first], turn=None), *todo[first + 1 :]]
 
 
 def _again(event: Event, before: Event | None) -> Event:
@@ -124,13 +141,15 @@ def _left(passage: PassageFact, facts: PathFacts) -> VisitFact:
     return next(before, facts.visits[0])
 
 
-def _brief(move: Move, after: Move | None, facts: PathFacts, rng: np.random.Generator) -> Move:
+def _brief(
+    move: Move, after: Move | None, facts: PathFacts, taste: Taste, rng: np.random.Generator
+) -> Move:
     """Return a move without the turn, where the name of the next room is enough."""
     target = move if move.turn_first or move.turn is None else after
     known = target is not None and target.passage and _unique(target.passage, facts)
     near = target is not None and target.along_m - move.along_m < 4.0
     near = near and target is move and not _one_of_many(move.passage, facts)
-    if move.passage and move.turn and known and near and rng.random() < 0.7:
+    if move.passage and move.turn and known and near and rng.random() < taste.brief:
         return Move(move.along_m, passage=move.passage)
     return move
 
@@ -160,6 +179,19 @@ def _joined(move: Move, after: Move | None) -> Event | None:
     return Event(kind, move.along_m, s=sides[0], t=sides[1], to_m=after.along_m)
 
 
+def _led(move: Move, upto_m: float, facts: PathFacts, names: Names, taste: Taste) -> Event | None:
+    """Return a turn as the way to a thing that it leads to."""
+    turn = move.turn
+    assert turn is not None
+    if abs(turn.angle_deg) > _LEADS_DEG or names.rng.random() >= taste.toward:
+        return None
+    to_m = min(turn.along_m + _LEADS_M, upto_m)
+    thing = names.best(lambda m: comes_to(m, facts, turn.along_m, to_m))
+    if thing is None or thing.plural:
+        return None
+    return Event("to_thing", turn.along_m, X=thing, to_m=min(thing.mark.along_m, to_m))
+
+
 def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste) -> Event:
     turn = move.turn
     assert turn is not None
@@ -174,6 +206,7 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     if gap_m > at_once_m or names.rng.random() < taste.marks:
         options: list[tuple[str, Callable[[LandmarkFact], float | None]]] = [
             ("turn_at", lambda m: at_turn(m, along) if along > 0.8 else None),
+            ("turn_beside", lambda m: _within(at_turn(m, along), _BESIDE_M)),
             ("turn_by", lambda m: around(m, turn)),
             ("turn_after", _just_passed(facts, along, gap_m)),
             ("turn_before", lambda m: before_reached(m, facts, along)),
@@ -185,6 +218,10 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
             if mark := names.best(near):
                 return Event(kind, along, X=mark, s=turn.side)
     return Event("turn", along, s=turn.side)
+
+
+def _within(far_m: float | None, reach_m: float) -> float | None:
+    return far_m if far_m is not None and far_m <= reach_m else None
 
 
 def _just_passed(
@@ -219,7 +256,7 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
         kind = "turn" if side and move.turn_first else kind
         return replace(event, kind=kind if event.A or kind == "turn" else "enter")
-    marked = rng.random() < taste.marks
+    marked = rng.random() < max(taste.marks, taste.rooms)
     within = [m for m in (0.3, 0.8) if passage.along_m + m < facts.length_m]
 
     def inside(mark: LandmarkFact) -> float | None:
@@ -227,6 +264,10 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
             return None
         seen = (in_view(mark, facts, passage.along_m + m, 75.0, 5.0) for m in within)
         return next((far for far in seen if far is not None), None)
+
+    def also() -> Reference | None:
+        sight = names.some(lambda m: in_sight(m, facts, passage.along_m + within[-1]))
+        return names.best(inside) if sight is None or rng.random() < 0.5 else sight
 
     if turn is not None and move.turn_first:
         if (passage.alike and _is_aside(passage, facts)) or (
@@ -243,7 +284,9 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
         if after:
             return replace(event, kind="turn_enter_after", X=after, t=after.mark.side)
         if marked and (mark := names.best(inside)):
-            return replace(event, kind="turn_enter_see", X=mark)
+            other = also() if rng.random() < taste.rooms else None
+            kind = "turn_enter_list" if other else "turn_enter_see"
+            return replace(event, kind=kind, X=mark, Y=other)
         kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * doorway * 2
         kinds = ["turn_enter"] if passage.side and not _is_aside(passage, facts) else kinds
         kinds += ["leave_turn_enter"] * 3 if first and event.A else []
@@ -263,6 +306,9 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
     if many and doorway and (passage.alike or _counts(passage, facts)):
         return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
+        other = also() if rng.random() < taste.rooms else None
+        if other is not None:
+            return replace(event, kind="enter_list", X=mark, Y=other)
         here = moment_at(mark.mark, passage.along_m + within[-1])
         aside = here is not None and abs(here.bearing_deg) > _SIDED_DEG
         here_side = "left" if here and here.bearing_deg > 0 else "right"

@@ -13,7 +13,7 @@ from .refer import STOP_AT_M, Reference, at_goal, hung_at_goal, in_view, moment_
 
 _JUST_INSIDE_M, _STEPS_INSIDE_M = 1.25, 2.0
 _PAST_M, _BEHIND_DEG = 1.2, 100.0
-_IN_DOORWAY_M = 0.5
+_IN_DOORWAY_M, _IN_FRAME_M = 0.5, 0.3
 _BESIDE_M = 1.1
 _COMES_M = 1.0
 _AT_STAIRS_M = 0.8
@@ -36,14 +36,16 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     length, visits = facts.length_m, facts.visits
     if _stops_in_doorway(facts):
         # What is ahead lies in the next room, which the path does not enter.
-        return Event("stop_outside", length, B=names.name(facts.goal_rooms[0]))
+        return Event("stop_doorway", length, C=names.name(facts.goal_rooms[0]))
+    since_door_m = _since_door_m(facts)
+    if since_door_m <= _IN_FRAME_M and facts.passages[-1].doorway:
+        return Event("stop_doorway", length, C=names.name(facts.passages[-1].to_room))
     mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
     if mark is not None:
         return _at(mark, facts, names, taste)
     climb = facts.climbs[-1] if facts.climbs else None
     if climb and length - climb.to_m <= _AT_STAIRS_M:
         return Event("stop_stairs", length, w=climb.way)
-    since_door_m = _since_door_m(facts)
     if since_door_m <= _JUST_INSIDE_M:
         return Event("stop_here", length, B=names.entered(facts.passages[-1]))
     near = facts.goal_near_rooms
@@ -112,6 +114,8 @@ def _at(thing: Reference, facts: PathFacts, names: Names, taste: Taste) -> Event
     # "When the sofa is on your right" says nothing if the sofa was there all along.
     if near and 55.0 < abs(bearing_deg) < 125.0 and before and abs(before.bearing_deg) < 40.0:
         options.append(replace(event, kind="stop_side", s=side))
+    if event.kind == "stop_close":
+        return event
     if _since_door_m(facts) <= _STEPS_INSIDE_M:
         options.append(replace(event, kind="stop_in_by"))
     if names.rng.random() < taste.more:
