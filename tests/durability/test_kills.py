@@ -28,7 +28,7 @@ def test_kills_in_three_stages_change_nothing(
         for stage in ("replay", "mcap", "pictures")
     ]
     assert sum(killed) >= 2
-    done = tiny_run.run(command)
+    done = tiny_run.collect(scan, run)
     assert done.returncode == 0, done.stderr[-2000:]
     assert "repair                 100%" in done.stderr and "reused 1" in done.stderr
     assert content(run) == content(finished)
@@ -50,7 +50,7 @@ def test_verify_of_a_killed_run_tells_what_is_missing_from_what_is_damaged(
     floor.write_bytes(whole[:-1] + b"x")
     assert tiny_run.vlnpe("verify", run).returncode == 1
     floor.write_bytes(whole)
-    done = tiny_run.run(["sh", "-c", told.partition("to finish it: ")[2]])
+    done = tiny_run.printed(told.partition("to finish it: ")[2])
     assert done.returncode == 0, done.stderr[-2000:]
     assert content(run) == content(finished)
     sound = tiny_run.vlnpe("verify", run)

@@ -78,7 +78,7 @@ def test_a_run_killed_on_one_machine_is_completed_on_another(
     assert kill_in(command, scratch_folder(URL), "dataset", 0.0)
     shutil.rmtree(scratch_folder(URL))  # the next machine has another disk
     bucket.remove([LOCK_NAME])  # and does not know whether the first one lives
-    done = tiny_run.run(command)
+    done = tiny_run.collect(scan, Path(URL))
     assert done.returncode == 0, done.stderr[-2000:]
     assert re.search(r"replay vlnce flash +100% 2/2 .*reused 2", done.stderr), done.stderr
     with local_copy(URL) as copy:
