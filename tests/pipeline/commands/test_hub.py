@@ -199,6 +199,17 @@ def push(hub: Hub, monkeypatch: pytest.MonkeyPatch) -> Callable[..., dict[str, A
     return call
 
 
+def run(arguments: list[str], env: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *arguments], env=env, capture_output=True, text=True, check=False
+    )
+
+
+def last_json(done: subprocess.CompletedProcess[str]) -> dict[str, Any]:
+    assert done.returncode == 0, done.stderr[-3000:]
+    return json.loads(done.stdout.splitlines()[-1])
+
+
 def files_of(root: Path) -> dict[str, bytes]:
     return {p.relative_to(root).as_posix(): p.read_bytes() for p in root.rglob("*") if p.is_file()}
 
@@ -213,16 +224,8 @@ def published(hub: Hub, revision: str) -> dict[str, bytes]:
 def test_push_then_load_and_a_dropped_download_goes_on(
     hub: Hub, roots: dict[str, Path], client: Ask, tmp_path: Path
 ) -> None:
-    command = [sys.executable, "-m", "vlnpe.pipeline.cli", "push", roots["first"], "--repo", REPO]
-    done = subprocess.run(
-        [*command, "--yes", "--json"],
-        env=environment(hub, tmp_path, token=TOKEN),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    release = json.loads(done.stdout.splitlines()[-1])
+    command = ["-m", "vlnpe.pipeline.cli", "push", str(roots["first"]), "--repo", REPO]
+    release = last_json(run([*command, "--yes", "--json"], environment(hub, tmp_path, token=TOKEN)))
     assert release["url"] == f"{hub.url}/datasets/{REPO}/tree/{release['tag']}"
     tags = hub.repos[REPO].tags
     assert set(tags) == {release["tag"], "v3.0"} and set(tags.values()) == {release["commit"]}
