@@ -26,7 +26,7 @@ from .steps import move_events
 from .stop import stop_events
 
 DRAFTS = 32  # written for each text, the best is taken
-WORDS = {"terse": (5, 8), "natural": (18, 26), "rich": (36, 48)}
+WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (36, 48)}
 _MOST_CHECKED = 16
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.

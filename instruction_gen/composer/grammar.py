@@ -25,7 +25,7 @@ _INSIDE = re.compile(r"\b(?:(?:go|walk|head|step) in\b|inside|in there|the room)
 # A way with a bend is not straight.
 _STRAIGHT = frozenset(("straight", "forward"))
 _NEW_KINDS = ("pass", "cue")  # of several such things it may be "a picture", not "the picture"
-_USUAL = 0.5  # how often a thing has its usual name at least
+_USUAL = 0.35  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
 _GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")
 _WAYS = ("follow", "pass", "over", "between")

@@ -21,10 +21,11 @@ _JOINTS = {
 }
 _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
+_WHIM = 0.8  # how much chance decides, so that the texts of two buildings differ
 _TOLD = 0.8  # a phrase of another text of the path
 _TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
-_BREVITY = {"terse": 1.0, "natural": 0.3, "rich": 0.0}  # what each word of a clause costs
+_BREVITY = {"terse": 0.7, "natural": 0.25, "rich": 0.0}  # what each word of a clause costs
 _FLOW = 0.5  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
@@ -54,7 +55,7 @@ class Usage:
 
 def _runs(text: str) -> Iterable[tuple[str, ...]]:
     words = text.lower().replace(",", "").replace(".", "").split()
-    for n in (1, 1, 1, 1, 2, 3):
+    for n in (1, 1, 2, 2, 3, 4):
         for k in range(len(words) - n + 1):
             yield tuple(words[k : k + n])
 
@@ -87,9 +88,8 @@ def realize(
             new = min(2, sum(not usage.counts[word,] for word in words)) * (voice != "terse")
             again = 1.5 * usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
             again += _TWICE * len(said & set(words)) + _TOLD * (clause.phrase in told)
-            return (
-                again + _BREVITY[voice] * len(words) - _FLOW * (clause.phrase.joint in ("&", "+"))
-            )
+            again += _BREVITY[voice] * len(words) + _WHIM * float(rng.random())
+            return again - _FLOW * (clause.phrase.joint in ("&", "+"))
 
         clauses.append(min(ways, key=worse))
     phrases = tuple(clause.phrase for clause in clauses)
@@ -116,9 +116,10 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
         else:
             words = clause.words
             moved = not now.words.lower().startswith(_STANDING) and "then" not in now.words.split()
-            plain = clause.phrase.joint == "" and "then" not in words.split() and voice != "terse"
+            plain = clause.phrase.joint == "" and not {"then", "next"} & set(words.split())
             if (
                 plain
+                and voice != "terse"
                 and moved
                 and not clause.event.kind.startswith("stop")
                 and opened < _MOST_OPENED

@@ -93,8 +93,8 @@ class Taste:
 
 TASTES = {
     "terse": Taste("terse", 0.15, 0.0, 0, 9.0, 0.0, 0.0, brief=0.7),
-    "natural": Taste("natural", 0.4, 0.25, 1, 2.2, 0.5, 0.5, 0.15),
-    "rich": Taste("rich", 0.8, 0.5, 4, 1.4, 0.6, 0.8, 0.25, brief=0.4),
+    "natural": Taste("natural", 0.4, 0.25, 1, 2.2, 0.7, 0.4, 0.15),
+    "rich": Taste("rich", 0.8, 0.5, 4, 1.4, 0.8, 0.8, 0.25, brief=0.4),
 }
 # What a longer text goes by, of which each text of a path takes another: turns and doors,
 # landmarks, or rooms and what stands in them.

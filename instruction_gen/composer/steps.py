@@ -31,6 +31,7 @@ from .refer import (
 
 _ROUND_DEG = 155.0
 _MANY_EXITS, _COUNTED = 3, 0.6
+_BY_THING = 0.25  # how often a room is told by a thing in it alone
 _BEFORE_STAIRS = 2  # through so many rooms the way to the stairs may be left unsaid
 _AT_ONCE_M = 1.3
 _BESIDE_M = 1.0  # one turns beside a thing that is so near
@@ -306,6 +307,8 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
     if many and doorway and (passage.alike or _counts(passage, facts)):
         return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
+        if not (mark.plural or passage.alike) and rng.random() < _BY_THING:
+            return replace(event, kind="enter_by", X=mark)
         other = also() if rng.random() < taste.rooms else None
         if other is not None:
             return replace(event, kind="enter_list", X=mark, Y=other)
