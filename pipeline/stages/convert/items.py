@@ -58,6 +58,8 @@ def run(
             first = next(iter(rows.values()))
             check_source(target, name, read_episode_unit(root / first.outputs[0]))
             _warn_of_doubts(rows)
+            if source.kind == Kind.ROS2:
+                _warn_of_texts([read_episode_unit(root / row.outputs[0]) for row in rows.values()])
             if target in LAYOUTS:
                 groups.setdefault(group_name(target, name), {}).update(rows)
                 continue
@@ -115,6 +117,17 @@ def _warn_of_doubts(rows: Mapping[str, Row]) -> None:
             len(doubted),
             facts["fps"],
             facts["timestamp_step_s"],
+        )
+
+
+def _warn_of_texts(walks: Sequence[EpisodeUnit]) -> None:
+    """Warn of walks of robots' logs without an instruction."""
+    if silent := sum(not walk.task for walk in walks):
+        log.warning(
+            "%d of %d walks have no instruction: --instruction gives texts, which `vlnpe review` "
+            "of the output folder writes",
+            silent,
+            len(walks),
         )
 
 

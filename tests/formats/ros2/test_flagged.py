@@ -159,16 +159,18 @@ def test_the_instruction_file_is_a_text(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_texts_are_written_after_the_conversion(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
 ) -> None:
     write_log(tmp_path / "walk", seconds=4.0, hole=(1.5, 2.5))
     status, out = convert_log(tmp_path / "walk")
     units = sorted((out / "units" / "walk").iterdir())
+    assert "2 of 2 walks have no instruction" in caplog.text
     first = (units[0] / "unit.json").stat().st_mtime_ns
     texts = tmp_path / "texts.json"
     texts.write_text('{"walk-001": "Go past\\nthe sofa."}')
     assert status == 0 and convert_log(tmp_path / "walk", "--instruction", str(texts))[0] == 0
     assert [read_episode_unit(unit).task for unit in units] == ["", "Go past the sofa."]
+    assert "1 of 2 walks have no instruction" in caplog.text
     assert (units[0] / "unit.json").stat().st_mtime_ns == first  # made once
     for text, reason in (('{"walk-002": "Go."}', "walk-002"), ('{"walk-000": 1}', "a text for")):
         texts.write_text(text)
