@@ -1,4 +1,4 @@
-"""Normals and areas of triangles, lengths along polylines, places far from the origin."""
+"""Normals and areas of triangles, equal points, lengths along polylines, places far away."""
 
 import math
 from itertools import pairwise
@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import Array
+from .arrays import I64, Array
 
 
 def triangle_cross[S: np.floating[Any]](corners: NDArray[S]) -> NDArray[S]:
@@ -45,6 +45,19 @@ def _doubled_areas(cross: NDArray[Any]) -> Any:
     length = np.linalg.norm(cross, axis=1)
     length[length < np.sqrt(np.finfo(length.dtype).tiny)] = 0.0
     return length
+
+
+def distinct_rows(rows: NDArray[Any]) -> tuple[I64, I64]:
+    """Return the first of each kind of equal rows, in lexicographic order, and the kind of each.
+
+    The same as `np.unique` of rows (N, D) along their axis, which takes several times as long.
+    """
+    order = np.lexsort(rows.T[::-1])
+    ranked, new = rows[order], np.ones(len(rows), dtype=bool)
+    new[1:] = (ranked[1:] != ranked[:-1]).any(axis=1)
+    kind = np.empty(len(rows), dtype=np.int64)
+    kind[order] = np.cumsum(new) - 1
+    return order[new], kind
 
 
 def arc_length(path_m: ArrayLike) -> Array:

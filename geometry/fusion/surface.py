@@ -14,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
 from ...formats.core.arrays import F32, I32, I64, Array, Floats
-from ...formats.core.geometry import triangle_normals_and_areas
+from ...formats.core.geometry import distinct_rows, triangle_normals_and_areas
 from .volume import DistanceVolume
 
 _LEAST_WEIGHT = 0.06
@@ -88,9 +88,8 @@ def _tidy(mesh: ScanMesh) -> ScanMesh:
     faces = mesh.faces
     _, area = mesh.normals()
     ordered = np.sort(faces, axis=1)
-    _, first = np.unique(ordered, axis=0, return_index=True)
     keep = np.zeros(len(faces), dtype=bool)
-    keep[first] = True
+    keep[distinct_rows(ordered)[0]] = True
     keep &= (area > 1e-9) & (ordered[:, 0] != ordered[:, 1]) & (ordered[:, 1] != ordered[:, 2])
     return _compact(mesh.vertices, faces[keep])
 

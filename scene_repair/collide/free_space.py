@@ -4,7 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from ...formats.core.arrays import F32, U8, Array, Mask
-from ..grid.morphology import distance_to, label
+from ..grid.morphology import distance_to, grow_box, label
 from .boxes import MAY, MUST, NEVER
 from .voxels import STEPS, Voxels
 
@@ -56,21 +56,20 @@ def touchable(voxels: Voxels, place: Mask, height_m: Array) -> U8:
     layers = occupied.shape[2]
     center = voxels.z0_m + voxels.grid.cell_m * (np.arange(layers) + 0.5)
     ground = center[None, None, :] < height_m[..., None]
-    probe = np.ones((3, 3, 3), dtype=bool)
     # Below the floor and above the top the probe finds no resistance: it only has to fit sideways.
     solid = np.pad(occupied, ((1, 1), (1, 1), (0, 0)), constant_values=True)
-    fits = ~ndimage.binary_dilation(solid, probe)[1:-1, 1:-1]
+    fits = ~grow_box(solid)[1:-1, 1:-1]
     parts, count = label(fits & ~ground)
     reached = np.zeros(count + 1, dtype=bool)
     reached[np.unique(parts[place])] = True
     reached[0] = False
-    air = ndimage.binary_dilation(reached[parts], probe) & ~occupied
+    air = grow_box(reached[parts]) & ~occupied
     air |= place[..., None] & ~occupied & ~ground
-    near = ndimage.binary_dilation(air, probe)
+    near = grow_box(air)
     sliver, stands = _slivers(voxels)
     must = (occupied & near & ~sliver) | stands
     state = np.full(occupied.shape, NEVER)
-    state[ndimage.binary_dilation(must, probe, iterations=SPREAD) & ~air] = MAY
+    state[grow_box(must, SPREAD) & ~air] = MAY
     state[must] = MUST
     return state
 

@@ -15,7 +15,7 @@ from ...formats.scene.grid import GridSpec
 
 # Hits take 40 bytes each while they are sorted; tests of a cell with a face, a nanosecond or two.
 MAX_HITS, MAX_TESTS = 200_000_000, 20_000_000_000
-FACES_AT_ONCE = 1_000_000
+FACES_AT_ONCE, CELLS_AT_ONCE = 1_000_000, 10_000
 # So many hits of a cell are sorted by insertion; its time grows with their square.
 INSERTED = 64
 
@@ -101,16 +101,22 @@ def top_faces(vertices_m: Array, faces: I64, corner_uv: F32, grid: GridSpec) -> 
     # Of faces in one place the first is taken.
     while (same := (top > lowest) & (columns.z[top - 1] == columns.z[top])).any():
         top -= same
-    row, column = np.divmod(hit, grid.columns)
-    face[row, column] = f = columns.face[top]
+    face.ravel()[hit] = columns.face[top]
     scaled = (vertices_m[:, :2] - grid.origin_xy_m) / grid.cell_m
-    (ax, ay), (bx, by), (cx, cy) = (scaled[faces[f, k]].T for k in range(3))
-    x, y = column + 0.5, row + 0.5
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    u = (((bx - x) * (cy - y) - (by - y) * (cx - x)) / area)[:, None]
-    v = (((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area)[:, None]
-    corners = corner_uv[f]
-    uv[row, column] = u * corners[:, 0] + v * corners[:, 1] + (1.0 - u - v) * corners[:, 2]
+    # What all of them need would not fit into a processor's cache.
+    for first in range(0, len(hit), CELLS_AT_ONCE):
+        cell = hit[first : first + CELLS_AT_ONCE]
+        f = face.ravel()[cell]
+        row, column = np.divmod(cell, grid.columns)
+        (ax, ay), (bx, by), (cx, cy) = (scaled[faces[f, k]].T for k in range(3))
+        x, y = column + 0.5, row + 0.5
+        area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+        u = (((bx - x) * (cy - y) - (by - y) * (cx - x)) / area)[:, None]
+        v = (((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area)[:, None]
+        corners = corner_uv[f]
+        uv.reshape(-1, 2)[cell] = (
+            u * corners[:, 0] + v * corners[:, 1] + (1.0 - u - v) * corners[:, 2]
+        )
     return face, uv
 
 

@@ -66,6 +66,19 @@ def grow(mask: Mask, cells: int = 1, within: Mask | None = None) -> Mask:
     return ndimage.binary_dilation(mask, structure=SQUARE, iterations=cells, mask=within)
 
 
+def grow_box(mask: Mask, cells: int = 1) -> Mask:
+    """Dilate by `cells` steps of a square, cube, …, as the mask has dimensions.
+
+    The same as SciPy's, which takes ten times longer.
+    """
+    for axis in np.repeat(np.arange(mask.ndim), cells):
+        before, mask = np.moveaxis(mask, axis, 0), mask.copy()
+        after = np.moveaxis(mask, axis, 0)
+        after[1:] |= before[:-1]
+        after[:-1] |= before[1:]
+    return mask
+
+
 def dilated(mask: Mask, size: tuple[int, int]) -> Mask:
     """Return the dilation by a rectangle of that many (rows, columns).
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from ...formats.core.arrays import Array
+from ...formats.core.geometry import distinct_rows
 from ..config import UNIT_M, metres_per
 from ..scan.record import Scan
 from .gravity import Surfaces, height_range
@@ -120,7 +121,7 @@ def _door_height(
     step = max(1, len(places) // WALL_SAMPLES)
     places, height = places[::step], height[::step]
     column = np.floor(places @ to_z_up[:2].T / (2 * COLUMN * room)).astype(int)
-    _, cell = np.unique(column, axis=0, return_inverse=True)
+    cell = distinct_rows(column)[1]
     share = (height - floor) / room
     lowest = np.full(int(cell.max()) + 1, np.inf)
     highest = np.full(len(lowest), -np.inf)

@@ -61,9 +61,10 @@ def connected(cell: I64, z_m: Array, grid: GridSpec, step_m: float) -> I64:
     most `step_m`.
     """
     start = np.searchsorted(cell, np.arange(grid.rows * grid.columns + 1))
-    parent = np.arange(len(z_m))
+    own = np.arange(len(z_m))
+    parent = own.copy()
     _connect(start, z_m, (grid.rows, grid.columns), step_m, parent)
-    return np.unique(parent, return_inverse=True)[1].astype(np.int64)
+    return (np.cumsum(parent == own) - 1)[parent]
 
 
 def _clearance(columns: Columns, stack: np.float64) -> Array:

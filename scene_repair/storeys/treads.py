@@ -1,15 +1,15 @@
 """Find ways up from a floor to the next over level surfaces: the treads of staircases."""
 
+import heapq
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import KDTree
 
 from ...formats.core.arrays import I64, Array, Mask
+from ...formats.process.kernel import kernel
 from ..grid.morphology import grow, label
 from .floor_parts import PASSAGE_M
 from .levels import ScannedFloor
@@ -65,46 +65,27 @@ def ways_up(
         for floor in (lower, upper)
     ]
     index = _candidates(surfaces, on[0] | on[1], lower, upper)
-    row, column = np.divmod(surfaces.cell[index], grid.columns)
-    points = np.column_stack([grid.center_of(np.column_stack([row, column])), surfaces.z_m[index]])
+    cell = surfaces.cell[index]
+    xy_m = grid.center_of(np.column_stack(np.divmod(cell, grid.columns)))
+    points = np.column_stack([xy_m, surfaces.z_m[index]])
     part, clear = surfaces.part[index], surfaces.clear_m[index]
     at_foot, at_head = on[0][index], on[1][index]
-    # A ball of radius 1 in these units reaches over a gap in plan and one step in height.
-    pairs = KDTree(points / (GAP_M, GAP_M, STEP_UP_M)).query_pairs(
-        1.0, p=np.inf, output_type="ndarray"
-    )
-    # Ways across the floors themselves are not asked for.
-    level = at_foot | at_head
-    one, other = pairs.T.astype(np.int32)  # millions: columns of their own, in half the memory
-    del pairs
-    asked = ~(level[one] & level[other])
-    one, other = one[asked], other[asked]
-    x, y, z = np.ascontiguousarray(points.T)
-    length = np.hypot(x[one] - x[other], y[one] - y[other])
-    length += HIGH_STEP_PER_M * (z[one] - z[other]) ** 2
-    low = clear < PASSAGE_M
-    length[low[one] | low[other]] *= STOOPING
-    size = len(points)
+    level, low = at_foot | at_head, clear < PASSAGE_M
+    start = np.searchsorted(cell, np.arange(grid.rows * grid.columns + 1))
+    reach = int(GAP_M / grid.cell_m + 1e-6)
 
     def end(k: int, floor: Mask) -> ScannedTread:
         near = floor & (np.abs(points[:, :2] - points[k, :2]).max(axis=1) < AT_END_M)
         return ScannedTread(points[[k]], points[[k]], float(np.median(points[near, 2])), math.inf)
 
-    free = np.ones(size, dtype=bool)
+    free = np.ones(len(points), dtype=bool)
     for _ in range(MOST_BETWEEN_LEVELS):
-        joined = free[one] & free[other]
-        graph = csr_array((length[joined], (one[joined], other[joined])), shape=(size, size))
-        far, before, _ = dijkstra(
-            graph,
-            directed=False,
-            indices=np.flatnonzero(at_foot),
-            min_only=True,
-            return_predecessors=True,
-        )
-        far = np.where(at_head, far, np.inf)
-        last = int(np.argmin(far)) if size else 0
-        if not np.isfinite(far[last : last + 1]).any():
+        far, before = np.where(at_foot, 0.0, np.inf), np.full(len(points), -1)
+        _search(points, cell, start, grid.shape, reach, level, low, free, at_head, far, before)
+        far[~at_head] = np.inf
+        if not np.isfinite(far).any():
             return
+        last = int(np.argmin(far))
         nodes = _path(before, last)
         foot, head = end(nodes[0], at_foot), end(nodes[-1], at_head)
         treads = []
@@ -148,6 +129,38 @@ def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: Sca
         < STEP_UP_M
     ]
     return np.flatnonzero((between | level) & np.isin(area[surfaces.cell], stairs))
+
+
+@kernel()
+def _search(points, cell, start, shape, reach, level, low, free, at_head, far, before):
+    """Follow the shortest ways from where `far` is 0 up to the first sample of the upper floor."""
+    rows, columns = shape
+    heap = [(0.0, 0)]
+    heap.pop()
+    for k in range(len(far)):
+        if far[k] == 0.0:
+            heap.append((0.0, k))
+    while len(heap) > 0:
+        length, k = heapq.heappop(heap)
+        if length > far[k]:
+            continue
+        if at_head[k]:
+            return
+        row, column = cell[k] // columns, cell[k] % columns
+        for r in range(max(row - reach, 0), min(row + reach + 1, rows)):
+            for c in range(max(column - reach, 0), min(column + reach + 1, columns)):
+                for m in range(start[r * columns + c], start[r * columns + c + 1]):
+                    # Ways across the floors themselves are not asked for.
+                    up = points[k, 2] - points[m, 2]
+                    if not free[m] or (level[k] and level[m]) or abs(up) > STEP_UP_M:
+                        continue
+                    step = np.hypot(points[k, 0] - points[m, 0], points[k, 1] - points[m, 1])
+                    step += HIGH_STEP_PER_M * up**2
+                    if low[k] or low[m]:
+                        step *= STOOPING
+                    if length + step < far[m]:
+                        far[m], before[m] = length + step, k
+                        heapq.heappush(heap, (length + step, m))
 
 
 def _path(before: I64, end: int) -> list[int]:

@@ -4,6 +4,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
 
 from ...formats.core.arrays import F32, I32, I64, Array
+from ...formats.core.geometry import distinct_rows
 from ...formats.scene.bundle import Floor, Obstacles
 from ..grid.morphology import grow
 
@@ -83,10 +84,10 @@ def floor_surface(floor: Floor) -> tuple[Array, I64]:
         levels.append((around * same).sum(axis=0) / same.sum(axis=0))
     node, z = np.stack(nodes, axis=1).ravel(), np.stack(levels, axis=1).ravel()
     key = np.stack([node, np.rint(z * 1e5).astype(np.int64)], axis=1)
-    _, first, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    first, kind = distinct_rows(key)
     xy = floor.grid.center_of(np.stack([node[first] // width, node[first] % width], axis=1) - 0.5)
     points = np.column_stack([xy, z[first]]).astype(np.float64)
-    return points, inverse.reshape(-1, 4).astype(np.int64)
+    return points, kind.reshape(-1, 4)
 
 
 def box_surfaces(obstacles: Obstacles) -> tuple[Array, I64]:

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 
 from ...formats.core.arrays import F32, Array
+from ...formats.core.geometry import distinct_rows
 from .exported import Surface
 
 BALL_RADIUS_M = 0.01
@@ -38,7 +39,8 @@ def drop_balls(triangles_m: F32, floor_m: Array) -> Array:
 def _drop(triangles_m: F32, floor_m: Array) -> Array:
     spec = mujoco.MjSpec()
     spec.option.timestep = STEP_S
-    points, index = np.unique(triangles_m.reshape(-1, 3), axis=0, return_inverse=True)
+    points = triangles_m.reshape(-1, 3)
+    first, index = distinct_rows(points)
     corners = index.reshape(-1, 3)
     # Slivers whose corners meet in float32 hold nothing, and MuJoCo refuses them.
     corners = corners[np.all(corners != np.roll(corners, 1, axis=1), axis=1)]
@@ -48,7 +50,7 @@ def _drop(triangles_m: F32, floor_m: Array) -> Array:
             dim=2,
             radius=SKIN_M,
             vertbody=["world"],
-            vert=points.astype(np.float64).ravel().tolist(),
+            vert=points[first].astype(np.float64).ravel().tolist(),
             elem=corners.ravel().tolist(),
             selfcollide=mujoco.mjtFlexSelf.mjFLEXSELF_NONE,
             contype=1,

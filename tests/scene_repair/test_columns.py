@@ -35,3 +35,6 @@ def test_fast_morphology_is_scipys(seed: int) -> None:
         truth = getattr(ndimage, f"binary_{name}")(mask, np.ones(size))
         fast = {"dilation": "dilated", "erosion": "eroded"}.get(name, name)
         assert np.array_equal(getattr(morphology, fast)(mask, size), truth), (name, size)
+    solid = rng.random(rng.integers(1, 12, 3)) < 0.1
+    truth = ndimage.binary_dilation(solid, np.ones((3, 3, 3)), iterations=2)
+    assert np.array_equal(morphology.grow_box(solid, 2), truth)

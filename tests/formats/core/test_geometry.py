@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose
 from vlnpe.formats.core.frames import quat_to_matrix
 from vlnpe.formats.core.geometry import (
     arc_length,
+    distinct_rows,
     path_length,
     point_along,
     point_along_plan,
@@ -130,3 +131,13 @@ def test_a_place_in_plan_is_on_the_slope(share: float) -> None:
     point = point_along_plan(path, 7.0 * share)
     assert_allclose(point, [7.0 * share, 0.0, np.clip(7.0 * share - 2.0, 0.0, 3.0)])
     assert np.array_equal(point_along_plan(path[:2], share), point_along(path[:2], share))
+
+
+@given(
+    arrays(np.int64, st.tuples(st.integers(0, 12), st.integers(1, 3)), elements=st.integers(-2, 2))
+)
+def test_distinct_rows_are_those_of_numpy(rows: np.ndarray):
+    _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    found = distinct_rows(rows)
+    np.testing.assert_array_equal(found[0], first)
+    np.testing.assert_array_equal(found[1], kind.ravel())
