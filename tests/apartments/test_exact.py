@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from tests.scene_repair.verify.test_open_sky import share_and_doubts
 from tests.support.scenes.homes import exact_freemap
 from vlnpe.apartments import build_scene, building_config, generate_exact
 from vlnpe.rendering.scene.arrays import scene_arrays
@@ -47,6 +48,7 @@ def test_the_repair_finds_the_exact_floor_and_leaves_doorways_open(
 ) -> None:
     bundle = repair_scene(folder / "scan.glb", tmp_path, RepairConfig(scene_id="exact"))
     assert json.loads((tmp_path / "repair.json").read_text())["verification"]["sound"]
+    assert share_and_doubts(bundle) == (0.0, [])  # its ceilings are there
     # An object with several materials is one object, not one per material.
     labels = json.loads((folder / "scan.labels.json").read_text())["objects"]
     assert {o.name for o in bundle.objects} <= {o["name"] for o in labels}

@@ -349,7 +349,9 @@ def test_parts_are_excluded_by_name_or_pattern(tmp_path: Path) -> None:
     assert len(without_parts(usd, ("sofa",)).faces) == len(usd.faces) - 12
 
 
-def test_the_command_takes_all_of_these(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_takes_all_of_these(
+    tmp_path: Path, inline: None, capsys: pytest.CaptureFixture[str]
+) -> None:
     parts = {**{f"wall_{k}": wall for k, wall in enumerate(shell())}, "Sky": sky(300.0, "sphere")}
     source = write(parts, tmp_path / "a.glb", y_up=True)
     arguments = ["--floor", "0", "--exclude", "Sky", "--unit", "1.0", "--allow-roof", "--json"]

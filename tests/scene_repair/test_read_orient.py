@@ -196,7 +196,9 @@ def test_an_implausible_result_asks_for_up(up: str, tmp_path: Path) -> None:
         assert any("--up" in doubt for doubt in doubts)
 
 
-def test_doubts_are_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_doubts_are_printed(
+    tmp_path: Path, inline: None, capsys: pytest.CaptureFixture[str]
+) -> None:
     corner_of_a_room().export(tmp_path / "corner.ply")
     main(["repair", str(tmp_path / "corner.ply"), "--out", str(tmp_path / "out"), "--json"])
     printed = capsys.readouterr()

@@ -10,7 +10,7 @@ import trimesh
 
 from vlnpe.pipeline.cli import main
 
-pytestmark = pytest.mark.chain
+pytestmark = [pytest.mark.chain, pytest.mark.usefixtures("inline")]
 
 
 def write_mesh(path: Path, mesh: trimesh.Trimesh) -> Path:
