@@ -182,11 +182,11 @@ def test_a_full_disk_leaves_nothing_that_looks_finished(
     def full(*_: Any) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(subset_module, "write_array", full)
-    assert convert(run, "navila", tmp_path) != 0
+    with monkeypatch.context() as patch:
+        patch.setattr(subset_module, "write_array", full)
+        assert convert(run, "navila", tmp_path) != 0
     assert not [path for path in (tmp_path / "navila").rglob("*") if path.is_file()]
     assert "written to" not in capfd.readouterr().out
-    monkeypatch.undo()
     assert convert(run, "navila", tmp_path) == 0
     assert (tmp_path / "navila" / "train" / "dog-path-front" / "README.md").is_file()
 
