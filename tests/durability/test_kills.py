@@ -1,6 +1,7 @@
 """A run killed anywhere and started again has the content of one that was never killed.
 
-Three points here; `make bench ONLY=durability` kills in every stage, several times.
+One point here, and three in a slow test; `make bench ONLY=durability` kills in every stage, several
+times.
 """
 
 import shutil
@@ -17,6 +18,7 @@ from vlnpe.formats.core.atomic import TEMPORARY_PREFIX
 pytestmark = pytest.mark.chain
 
 
+@pytest.mark.slow
 def test_kills_in_three_stages_change_nothing(
     scan: Path, finished: Path, prepared: Path, tmp_path: Path
 ):

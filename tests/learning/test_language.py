@@ -106,7 +106,7 @@ def test_a_paraphrase_is_nearer_than_another_text(
     )
 
 
-@pytest.mark.parametrize("name", ["cma", "seq2seq", "rdp"])
+@pytest.mark.parametrize("name", ["cma", "seq2seq", pytest.param("rdp", marks=pytest.mark.slow)])
 def test_a_model_is_trained_on_texts_read_by_the_encoder(
     walks: Walks, tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

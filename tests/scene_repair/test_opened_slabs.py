@@ -46,9 +46,10 @@ type Measures = tuple[float, float, float]
     params=[
         ("straight", (0.17, 0.28, 1.0), 0.03),
         ("L", (0.17, 0.28, 1.0), 0.03),
-        ("U", (0.17, 0.28, 1.0), 0.03),
-        ("straight", (0.18, 0.26, 0.95), 0.0),
         ("U", (0.18, 0.26, 0.95), 0.0),
+        # Each shape and each measure is above.
+        pytest.param(("U", (0.17, 0.28, 1.0), 0.03), marks=pytest.mark.slow),
+        pytest.param(("straight", (0.18, 0.26, 0.95), 0.0), marks=pytest.mark.slow),
     ],
     ids=str,
 )
