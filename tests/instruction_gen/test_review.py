@@ -29,14 +29,19 @@ from vlnpe.instruction_gen.review.paths import Review
 from vlnpe.instruction_gen.review.server import _Handler, make_server
 
 
-@pytest.fixture
-def review(two_rooms, tmp_path):
+@pytest.fixture(scope="module")
+def written(two_rooms):
+    """Two paths with their texts, and the folder of their scene."""
     scenes = two_rooms.root.parent
     if not (scenes / "two_rooms").exists():
         (scenes / "two_rooms").symlink_to(two_rooms.root)
     episodes = [episode_of(EAST, name="p0"), episode_of(LEFT, name="p1")]
-    made = instruct_episodes(episodes, scenes, InstructConfig(), 0)
-    return Review(made.episodes, scenes, tmp_path / "review.jsonl")
+    return instruct_episodes(episodes, scenes, InstructConfig(), 0).episodes, scenes
+
+
+@pytest.fixture
+def review(written, tmp_path):
+    return Review(*written, tmp_path / "review.jsonl")
 
 
 @contextmanager
