@@ -33,7 +33,7 @@ def frame(name, eye=WEST, shown=None):
     return View(name.encode(), xy, np.array([*eye, 1.2]), 0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def bare(two_rooms):
     return replace(two_rooms, objects=())
 
@@ -45,8 +45,8 @@ class Asking:
         sent: number of requests of the last call, also where it raised.
     """
 
-    def __init__(self, bundle, cache):
-        self.regions, self.cache, self.sent = {0: region_map(bundle, 0)}, cache, 0
+    def __init__(self, regions, cache):
+        self.regions, self.cache, self.sent = regions, cache, 0
 
     def __call__(self, script, views, **limits):
         """Return rooms, tally and requests."""
@@ -59,12 +59,17 @@ class Asking:
                 self.sent = len(server.requests)
 
 
+@pytest.fixture(scope="module")
+def regions(bare):
+    return {0: region_map(bare, 0)}
+
+
 @pytest.fixture
-def ask(bare, tmp_path, monkeypatch):
+def ask(regions, tmp_path, monkeypatch):
     for name in ("http_proxy", "https_proxy", "HTTP_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("VLNPE_LLM_API_KEY", KEY)
-    return Asking(bare, tmp_path / "cache")
+    return Asking(regions, tmp_path / "cache")
 
 
 def saying(*rooms):

@@ -1,6 +1,7 @@
 """Publishing: what would be uploaded, what is refused, and what the hub is asked to do."""
 
 import json
+import shutil
 from fnmatch import fnmatch
 from pathlib import Path
 from types import SimpleNamespace
@@ -59,9 +60,14 @@ def make(units: list[Path], root: Path, licence: str | None = "MIT") -> Path:
     return root
 
 
+@pytest.fixture(scope="module")
+def original(units: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make(units, tmp_path_factory.mktemp("original") / "set")
+
+
 @pytest.fixture
-def dataset(units: list[Path], tmp_path: Path) -> Path:
-    return make(units, tmp_path / "set")
+def dataset(original: Path, tmp_path: Path) -> Path:
+    return shutil.copytree(original, tmp_path / "set")
 
 
 def test_by_default_nothing_is_uploaded_but_shown(
