@@ -27,7 +27,6 @@ from .stop import stop_events
 
 DRAFTS = 32  # written for each text, the best is taken
 WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (36, 48)}
-_MOST_CHECKED = 16
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.
 _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
@@ -66,13 +65,13 @@ def compose_texts(
         style = styles[number % len(styles)]
         drafts = [_draft(ground.facts, style, rng, usage, chosen) for _ in range(DRAFTS)]
         drafts.sort(key=lambda d: d[0])
-        for attempt, (score, text, kinds, phrases) in enumerate(drafts[:_MOST_CHECKED], start=1):
+        for attempt, (score, text, kinds, phrases) in enumerate(drafts, start=1):
             if text.text in taken or any(text.text == other.text for _, other, *_ in chosen):
                 continue
             verdict = check_text(text.text, ground, text.steps)
             if verdict.ok:
                 chosen.append((score, replace(text, attempts=attempt), kinds, phrases))
-                usage.add(text.text)
+                usage.add(text.text, phrases)
                 break
             problems = list(verdict.problems)
     return [text for _, text, *_ in chosen], ([] if chosen else problems)

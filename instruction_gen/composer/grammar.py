@@ -27,7 +27,21 @@ _STRAIGHT = frozenset(("straight", "forward"))
 _NEW_KINDS = ("pass", "cue")  # of several such things it may be "a picture", not "the picture"
 _USUAL = 0.35  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
-_GOES = ("walk", "go", "keep going", "continue", "head", "carry", "follow", "cut", "cross", "stay")
+_GOES = (
+    *("walk", "go", "keep going", "keep walking", "keep moving", "keep straight", "keep to"),
+    *(
+        "continue",
+        "head",
+        "carry",
+        "follow",
+        "cut",
+        "cross",
+        "stay",
+        "move",
+        "proceed",
+        "make your",
+    ),
+)
 _WAYS = ("follow", "pass", "over", "between")
 _TURNS = (
     "turn",
@@ -170,7 +184,9 @@ def drafts(
         filled = _BEGUN.sub(lambda m: m[0].upper(), filled)
         into_hall = _INSIDE.search(words) and is_hall(event.B)
         straight = event.bent and _STRAIGHT & set(filled.split())
-        again = (event.along_m < 0.3 or before is None) and _MORE & set(filled.split())
+        first = before is None
+        again = bool((event.along_m < 0.3 or first) and _MORE & set(filled.split()))
+        again |= first and filled.startswith("that ")
         said = before.words.split() if before else ()
         twice = filled.count("next ") > 1  # a room without a name is "the next room"
         twice |= any(filled.startswith(begins) and other in said for begins, other in _TWICE)

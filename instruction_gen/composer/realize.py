@@ -23,9 +23,10 @@ _LONGEST = {"terse": 4, "natural": 3, "rich": 2}
 _STANDING = ("you ", "start", "begin", "the ", "at the ", "your ")  # in lower case
 _WHIM = 0.8  # how much chance decides, so that the texts of two buildings differ
 _TOLD = 0.8  # a phrase of another text of the path
+_USED = 0.4  # one that the other paths' texts use; this counts with the logarithm of how often
 _TWICE = 0.25  # a word of the two clauses before
 _NEW = 0.5  # what a word that no text has used yet is worth
-_BREVITY = {"terse": 0.7, "natural": 0.25, "rich": 0.0}  # what each word of a clause costs
+_BREVITY = {"terse": 1.2, "natural": 0.35, "rich": 0.0}  # what each word of a clause costs
 _FLOW = 0.5  # what a clause is worth that goes on with the one before
 # "Walk on for two metres." says too little for a sentence: what it leads to goes with it.
 _LEADING = frozenset(("walk", "follow"))
@@ -37,11 +38,13 @@ class Usage:
     def __init__(self) -> None:
         """Start with nothing used."""
         self.counts: Counter[tuple[str, ...]] = Counter()
+        self.phrases: Counter[Phrase] = Counter()
         self._judged: dict[str, float] = {}
 
-    def add(self, text: str) -> None:
-        """Count a text."""
+    def add(self, text: str, phrases: Iterable[Phrase]) -> None:
+        """Count a text and its phrases."""
         self.counts.update(_runs(text))
+        self.phrases.update(phrases)
         self._judged.clear()
 
     def repetition(self, text: str) -> float:
@@ -88,6 +91,7 @@ def realize(
             new = min(2, sum(not usage.counts[word,] for word in words)) * (voice != "terse")
             again = 1.5 * usage.repetition(clause.words) + 0.4 * (words[0] in own) - _NEW * new
             again += _TWICE * len(said & set(words)) + _TOLD * (clause.phrase in told)
+            again += _USED * math.log1p(usage.phrases[clause.phrase])
             again += _BREVITY[voice] * len(words) + _WHIM * float(rng.random())
             return again - _FLOW * (clause.phrase.joint in ("&", "+"))
 

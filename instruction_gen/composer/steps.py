@@ -9,7 +9,7 @@ import numpy as np
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact, manoeuvre_deg
 from .climbs import climb_event, off_stairs, with_end
-from .grammar import pick
+from .grammar import is_hall, pick
 from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves
 from .names import Names
 from .records import Event, Taste
@@ -307,7 +307,8 @@ def _passage(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Ta
     if many and doorway and (passage.alike or _counts(passage, facts)):
         return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
-        if not (mark.plural or passage.alike) and rng.random() < _BY_THING:
+        told = mark.plural or passage.alike or is_hall(room)
+        if not told and rng.random() < _BY_THING:
             return replace(event, kind="enter_by", X=mark)
         other = also() if rng.random() < taste.rooms else None
         if other is not None:

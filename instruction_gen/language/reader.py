@@ -108,6 +108,10 @@ class _Reader:
             last = self.before.claims[-1:] if self.before and clause.says("that") else []
             named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
             clause.claims = forbidden(clause, clause.claims or named)
+        elif clause.says("too") and clause.says("far"):  # "if you reach the hall, you have gone …"
+            end = clause if clause.last else self.before
+            if end is not None and end.last is not None and end.last.what == "room":
+                end.claims, clause.claims = [], [Claim("avoid", "room", end.last.name)]
         self._remember(clause)
         self.sentence.append(clause)
         self.before = clause

@@ -106,6 +106,8 @@ TRUTHS += [
     (0, "Leave the children's room and turn left. Go past the bench and stop outside the bathroom "
         "without going in."),
     (2, "Leave the bedroom, go right, and in at the bathroom, that is on the left. Stop at the "
+        "washbasin. If you reach the office, you've gone too far."),
+    (2, "Leave the bedroom, go right, and in at the bathroom, that is on the left. Stop at the "
         "washbasin."),
     (2, "Walk past the bed and over the threshold into the hall without turning left. Go right, "
         "then left into the bathroom. Stop in front of the washbasin."),
@@ -250,6 +252,8 @@ LIES = [
     (4, "preface", "The samples go through the bathroom to the office. From the kitchen go right "
         "past the fridge, straight into the living room, left into the hall, and in at the next "
         "door on the left. Stop there."),
+    (2, "beyond", "Leave the bedroom, go right, then left, and stop at the washbasin. If you reach "
+        "the bathroom, you've gone too far."),
     (2, "without", "Leave the bedroom. Go right along the hall past the coat rack, then left, and "
         "stop before the bathroom without going in."),
     (2, "threshold", "Leave the bedroom. Go right along the hall past the coat rack, then left. "
@@ -465,6 +469,7 @@ def test_what_words_refer_to_is_read(text, claim):
         ("Cross the hall without walking along it and stop.", "in stop"),
         ("Stop outside the kitchen without entering it.", "stop"),
         ("Stop on the kitchen threshold without going in.", "stop avoid"),
+        ("Turn left and stop. If you come to the hall, you've gone too far.", "turn stop avoid"),
         # The side of a thing in no table is no turn.
         ("With the gizmo over on your right, turn left and stop.", "turn stop"),
         # How many things are carried says nothing of the place.

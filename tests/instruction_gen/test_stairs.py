@@ -240,7 +240,7 @@ def test_composed_texts_take_the_stairs_and_hold(up, down, which):
             climbs = [c for s in one.steps for c in s.claims if c.kind == "climb"]
             assert [c.way for c in climbs] == [which]
             assert check_text(one.text, ground, one.steps).problems == ()
-            assert check_text(one.text, ground).problems == ()
+            assert check_text(one.text, ground).problems == (), one.text
             lies = [replace(s, words=_swapped(s.words)) for s in one.steps]
             lie = " ".join(step.words for step in lies)
             assert lie != one.text
