@@ -71,7 +71,7 @@ evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots 
 	@$(BIN)/vlnpe evaluate "$(or $(OUT),runs/apartment-$(SEED))" --policy "$(POLICY)" --robot "$(ROBOT)" \
 	    --controller "$(CONTROLLER)" $(ARGS)
 
-adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=scan.glb ROBOT=aliengo [POLICY=cma-robots OUT=…]
+adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=scan.glb ROBOT=aliengo [POLICY=cma-robots-32px OUT=…]
 	@$(SETUP) core $(LEARNED)
 	@$(BIN)/vlnpe adapt $(if $(filter-out file,$(origin SCENE)),"$(SCENE)") --robot "$(ROBOT)" --controller "$(CONTROLLER)" --seed "$(SEED)" \
 	    $(if $(filter-out file,$(origin POLICY)),--policy "$(POLICY)") $(if $(OUT),--out "$(OUT)") \

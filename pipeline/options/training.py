@@ -183,9 +183,10 @@ class Adapt(Orientation, Parallel):
     controller: str = "auto"
     """Controller: speed (physics), flash (placed without physics), or auto: the first of these that
     suits the robot."""
-    policy: str = "cma-robots"
-    """Policy to start from: one that comes with vlnpe (cma-robots, cma-robots-32px, cma-h1, cma),
-    or a checkpoint (FILE.safetensors) of cma or seq2seq."""
+    policy: str = "cma-robots-32px"
+    """Policy to start from: one that comes with vlnpe (cma-robots-32px; cma-robots, which starts
+    better and gained nothing where this was measured; cma-h1, cma), or a checkpoint
+    (FILE.safetensors) of cma or seq2seq."""
     paths: int = 120
     """Number of paths to sample; a third to half of them is set aside."""
     min_length_m: float = SampleConfig.min_length_m
