@@ -174,6 +174,8 @@ def _stop_where_the_walk_ends(clauses: list[Clause]) -> None:
         clause.claims.append(Claim("stop"))
     if clause is None or last is None or not (last.name or last.what == "door"):
         return
+    if last.kind == "avoid":  # "if you reach the hall, you have gone too far"
+        return
     if clause.until:
         clause.claims = [
             replace(c, kind="stop", place="inside" if c.what == "room" else

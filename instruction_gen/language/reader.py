@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations, takewhile
+from itertools import combinations, pairwise, takewhile
 
 from .claims import Claim, Step
 from .clauses import MARKS, Clause, clauses_of, part_end, verb_at
@@ -28,6 +28,7 @@ from .words import NEGATIONS, ORDINALS, PREP_OF, PRONOUNS, UNITS_M
 _GOES_ON = frozenset("go turn enter".split())
 _OFFSETS = frozenset("past before after from of".split())
 _NAMES = ("see", "reach", "pass", "in", "stop")  # what may be gone into next
+_COMES = ("enter", *_NAMES)
 _MOST_DOUBTS = 4
 _NEAR_M = 1.6
 _CIRCLES = closed("goes around")
@@ -108,13 +109,22 @@ class _Reader:
             last = self.before.claims[-1:] if self.before and clause.says("that") else []
             named = [replace(c, kind="in") for c in last if c.kind in ("see", "pass")]
             clause.claims = forbidden(clause, clause.claims or named)
-        elif clause.says("too") and clause.says("far"):  # "if you reach the hall, you have gone …"
-            end = clause if clause.last else self.before
-            if end is not None and end.last is not None and end.last.what == "room":
-                end.claims, clause.claims = [], [Claim("avoid", "room", end.last.name)]
+        else:
+            self._forbid_far(clause)
         self._remember(clause)
         self.sentence.append(clause)
         self.before = clause
+
+    def _forbid_far(self, clause: Clause) -> None:
+        """Say that a room is not entered: `if you reach the hall, you have gone too far`."""
+        before = self.sentence[-1] if self.sentence else clause
+        if not (_is_far(before) or _is_far(clause)):
+            return
+        for end in (clause, before):
+            told = end.last is not None and end.last.what == "room" and end.last.kind in _COMES
+            if told and (_is_far(end) or end.until):
+                end.claims[-1] = Claim("avoid", "room", end.claims[-1].name)
+                break
 
     def _remember(self, clause: Clause | None) -> None:
         """Keep what `it` and `go in` mean after a clause."""
@@ -277,6 +287,11 @@ class _Reader:
         elif stop and len(stops) == 2 and any(claims[n].place == "between" for n in stops):
             for n in stops:
                 claims[n] = replace(claims[n], place="between")
+
+
+def _is_far(clause: Clause) -> bool:
+    """Return whether it says that something is too far."""
+    return ("too", "far") in pairwise(token.text for token in clause.tokens)
 
 
 def _stays(tokens: Sequence[Token], k: int) -> int:

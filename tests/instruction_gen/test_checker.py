@@ -107,6 +107,8 @@ TRUTHS += [
         "without going in."),
     (2, "Leave the bedroom, go right, and in at the bathroom, that is on the left. Stop at the "
         "washbasin. If you reach the office, you've gone too far."),
+    (2, "Leave the bedroom, go right, then left into the bathroom. You've gone too far if you "
+        "reach the office. Stop at the washbasin."),
     (2, "Leave the bedroom, go right, and in at the bathroom, that is on the left. Stop at the "
         "washbasin."),
     (2, "Walk past the bed and over the threshold into the hall without turning left. Go right, "
@@ -254,6 +256,10 @@ LIES = [
         "door on the left. Stop there."),
     (2, "beyond", "Leave the bedroom, go right, then left, and stop at the washbasin. If you reach "
         "the bathroom, you've gone too far."),
+    (2, "too far", "Leave the bedroom, go right, then left. Enter the kitchen. You've gone too far "
+        "if you come back out. Stop at the washbasin."),
+    (2, "too far", "Leave the bedroom, go right, then left into the bathroom. You've gone too far "
+        "if you reach the hall. Stop at the washbasin."),
     (2, "without", "Leave the bedroom. Go right along the hall past the coat rack, then left, and "
         "stop before the bathroom without going in."),
     (2, "threshold", "Leave the bedroom. Go right along the hall past the coat rack, then left. "
