@@ -21,23 +21,14 @@ _BESIDE = 0.5  # how often a thing is told by what stands beside it, where somet
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
 _LONG_HALL_M = 6.0
 _LONG_THING_M, _CLOSE_M = 1.5, 1.2  # one walks along such a thing
+_LONG_THINGS = frozenset(("bed", "bench", "counter", "desk", "sideboard", "sofa", "table"))
 _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
 # Events that name one thing, but not its side.
 _STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
 _BY_ONE = _STOPS_BY_ONE | {
-    *(
-        "facing",
-        "behind",
-        "turn_at",
-        "turn_beside",
-        "to_thing",
-        "turn_before",
-        "turn_to",
-        "turn_after",
-        "turn_enter_at",
-    ),
-    *("cue", "enter_see", "enter_turn_to", "pass", "goal_thing"),
-}
+    "facing", "behind", "turn_at", "turn_beside", "to_thing", "turn_before", "turn_to",
+    "turn_after", "turn_enter_at", "cue", "enter_see", "enter_turn_to", "pass", "goal_thing",
+}  # fmt: skip
 _PASSES = ("pass", "over", "between")
 
 
@@ -125,7 +116,8 @@ def passed_events(
             if third is not None and not third.plural:
                 event = replace(event, kind="pass_three", Z=third, to_m=third.mark.along_m)
         elif names.rng.random() < 0.7:
-            long = mark.size_m >= _LONG_THING_M and mark.distance_m <= _CLOSE_M
+            long = mark.noun.split()[-1] in _LONG_THINGS and mark.size_m >= _LONG_THING_M
+            long = long and mark.distance_m <= _CLOSE_M
             event = replace(event, kind="pass_along" if long else "pass_side")
         result.append(event)
     return result

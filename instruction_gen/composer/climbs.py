@@ -13,7 +13,7 @@ from .records import Event, Taste
 
 _ASIDE_DEG = 20.0  # stairs that one comes to by a turn are on its side from so far aside on
 _ONE_BREATH = 0.8
-_WITH_END = {"climb": "climb_top", "climb_turn": "climb_turn_top", "climb_side": "climb_turn_top"}
+_WITH_END = {"climb": "climb_top", "climb_turn": "climb_turn_top", "climb_side": "climb_side_top"}
 _OFF_M = 1.2  # a turn so shortly behind stairs is made at their end
 
 

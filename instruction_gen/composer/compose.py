@@ -101,11 +101,11 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
         kind = stop[0].kind if rest > FEW_STEPS_M else few
         faced = stop[0].X if kind != "stop_into" else None
         stop[0] = replace(stop[0], kind=kind, far_m=rest, B=entered, X=faced)
-    if stop[0].kind == "stop_doorway" and events and events[-1].B == stop[0].C:
+    if stop[0].kind == "stop_doorway" and events and (events[-1].C or events[-1].B) == stop[0].C:
         if events[-1].kind in _ENTERS:
             events = events[:-1]
         else:
-            stop[0] = replace(stop[0], kind="stop_here")
+            stop[0] = replace(stop[0], kind="stop_here", B=stop[0].C)
     thing = stop[0].X
     there = thing is None or thing.mark.room in ("", facts.goal_room)
     kind = _INTO.get(stop[0].kind) if there else None
@@ -126,10 +126,11 @@ def _draft(
     spread = float(rng.uniform(0.5, 1.3))
     used = {kinds[0] for _, _, kinds, _ in others}
     told = frozenset(phrase for *_, phrases in others for phrase in phrases)
-    goes_by = pick([name for name in PLANS if name not in used] or list(PLANS), rng)
+    plans = [name for name in PLANS if name not in used] or list(PLANS)
+    goes_by = "" if style == "terse" else pick(plans, rng)
     some = int(rng.integers(taste.passed > 2, taste.passed + 1)) if taste.passed else 0
     taste = replace(taste, marks=taste.marks * spread, passed=some)
-    if style != "terse":
+    if goes_by:
         taste = replace(taste, **PLANS[goes_by])
     events = plan(facts, taste, rng)
     steps, phrases = realize(events, style, rng, usage, told)

@@ -28,32 +28,13 @@ _NEW_KINDS = ("pass", "cue")  # of several such things it may be "a picture", no
 _USUAL = 0.35  # how often a thing has its usual name at least
 # What goes on ("+", "&") does so with a way, not with what one sees or a room that one enters.
 _GOES = (
-    *("walk", "go", "keep going", "keep walking", "keep moving", "keep straight", "keep to"),
-    *(
-        "continue",
-        "head",
-        "carry",
-        "follow",
-        "cut",
-        "cross",
-        "stay",
-        "move",
-        "proceed",
-        "make your",
-    ),
-)
+    "walk", "go", "keep going", "keep walking", "keep moving", "keep straight", "keep to",
+    "continue", "head", "carry", "follow", "cut", "cross", "stay", "move", "proceed", "make your",
+)  # fmt: skip
 _WAYS = ("follow", "pass", "over", "between")
 _TURNS = (
-    "turn",
-    "again",
-    "twice",
-    "jog",
-    "slight",
-    "sharp",
-    "leave_turn",
-    "out_turn",
-    "enter_turn",
-)
+    "turn", "again", "twice", "jog", "slight", "sharp", "leave_turn", "out_turn", "enter_turn",
+)  # fmt: skip
 # Who sets out has not walked yet.
 _MORE = frozenset(("more", "another", "further", "onwards", "continue", "keep", "carry"))
 # "Turning left outside, turn right", "past the TV past the sofa": how a phrase begins, and what the

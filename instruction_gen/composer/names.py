@@ -13,10 +13,10 @@ from .refer import Reference, at_hand, in_row
 _SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
 # Adjectives of things larger or smaller (negative) than a size [m].
 _SIZES = (
-    ("tall", 1.7, frozenset(("wardrobe", "bookshelf", "mirror", "cabinet"))),
+    ("tall", 1.7, frozenset(("wardrobe", "bookshelf"))),
     ("large", 1.7, frozenset(("sofa", "bed", "table", "desk"))),
     ("big", 1.9, frozenset(("sofa", "bed", "table", "rug"))),
-    ("long", 1.5, frozenset(("bench", "sideboard", "tv stand", "counter", "shelf"))),
+    ("long", 1.5, frozenset(("bench", "sideboard", "tv stand", "counter"))),
     ("low", 0.0, frozenset(("coffee table", "tv stand", "bench"))),
     ("small", -0.6, frozenset(("nightstand", "basket", "pouf", "stool", "plant"))),
 )
@@ -60,12 +60,17 @@ class Names:
         return f"other {room}" if twins == 1 else f"another {room}"
 
     def best(
-        self, near: Callable[[LandmarkFact], float | None], *, at_goal: bool = False
+        self,
+        near: Callable[[LandmarkFact], float | None],
+        *,
+        at_goal: bool = False,
+        single: bool = False,
     ) -> Reference | None:
         """Return a reference to one of the best things that were not mentioned yet.
 
         Args:
             near: how far a thing is [m], None if it will not do.
+            single: no group of things will do.
         """
         options = []
         for mark in self.facts.landmarks:
@@ -73,7 +78,7 @@ class Names:
                 continue
             if (distance_m := near(mark)) is not None:
                 reference = self.refer(mark, distance_m, at_goal=at_goal)
-                if reference is not None:
+                if reference is not None and not (single and reference.plural):
                     options.append((-reference.salience * self.rng.uniform(0.5, 1.5), reference))
         return self.mention(min(options, key=lambda o: o[0])[1]) if options else None
 

@@ -33,7 +33,7 @@ _LEADING = frozenset(("walk", "follow"))
 
 
 class Usage:
-    """Counts of the words, pairs and triples of words that were used, to repeat few of them."""
+    """Counts of the phrases and runs of up to four words that were used, to repeat few of them."""
 
     def __init__(self) -> None:
         """Start with nothing used."""

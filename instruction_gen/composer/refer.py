@@ -19,10 +19,11 @@ _PIXELS_AT_GOAL, _LAST_LOOK_M = 150, 0.3
 _SEEN_PIXELS = 40
 HUNG = ("picture", "window")  # on walls, passed like things
 # What one may see in a room beside the things that stand there.
-_SIGHTS = frozenset(
-    """window,picture,rug,clock,curtain,chair,plant,mirror,towel rail,wall cupboard,bin,shelf,
-toilet,range hood,ceiling lamp,pouf,basket,nightstand,radiator""".replace("\n", "").split(",")
-)
+_SIGHTS = frozenset((
+    "window", "picture", "rug", "clock", "curtain", "chair", "plant", "mirror", "towel rail",
+    "wall cupboard", "bin", "shelf", "toilet", "range hood", "ceiling lamp", "pouf", "basket",
+    "nightstand", "radiator",
+))  # fmt: skip
 _OVER_MOMENTS = 4  # a quarter of a metre apart
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 

@@ -39,7 +39,7 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         return Event("stop_doorway", length, C=names.name(facts.goal_rooms[0]))
     since_door_m = _since_door_m(facts)
     if since_door_m <= _IN_FRAME_M and facts.passages[-1].doorway:
-        return Event("stop_doorway", length, C=names.name(facts.passages[-1].to_room))
+        return Event("stop_doorway", length, C=names.entered(facts.passages[-1]))
     mark = names.best(lambda m: m.goal_distance_m if at_goal(m, facts) else None, at_goal=True)
     if mark is not None:
         return _at(mark, facts, names, taste)

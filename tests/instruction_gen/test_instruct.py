@@ -16,11 +16,12 @@ from vlnpe.formats.scene.bundle import LabeledObject
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import compose_texts
-from vlnpe.instruction_gen.composer.compose import plan
+from vlnpe.instruction_gen.composer.compose import _draft, plan
 from vlnpe.instruction_gen.composer.grammar import drafts, expand, grammar
 from vlnpe.instruction_gen.composer.moves import mentioned_turns
 from vlnpe.instruction_gen.composer.names import Names
-from vlnpe.instruction_gen.composer.records import TASTES, Event
+from vlnpe.instruction_gen.composer.realize import Usage
+from vlnpe.instruction_gen.composer.records import PLANS, TASTES, Event
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.actions import find_turns
 from vlnpe.instruction_gen.facts.records import TurnFact
@@ -456,6 +457,44 @@ def test_doorways_of_rooms_of_one_name_are_told_apart(two_rooms):
     unclear = replace(facts, passages=(replace(twin, doorway=False),))
     got, problems = compose_texts(Ground(unclear), 3, STYLES, np.random.default_rng(0))
     assert got == [] and "nothing tells them apart" in problems[0]
+
+
+@pytest.mark.parametrize(
+    ("doorway", "rooms", "told"), [(True, 1, True), (True, 2, False), (False, 1, False)]
+)
+def test_a_room_is_told_by_a_thing_that_no_other_room_has(two_rooms, doorway, rooms, told):
+    facts = facts_of(EAST, two_rooms)
+    (sofa,) = [mark for mark in facts.landmarks if mark.noun == "sofa"]
+    shelf = replace(sofa, name="Shelf_1", noun="bookshelf", goal_distance_m=4.0)
+    other = replace(shelf, name="Shelf_2", room="kitchen", distance_m=6.0, max_pixels=0)
+    doors = tuple(replace(p, doorway=doorway) for p in facts.passages)
+    marks = (*facts.landmarks, shelf, other)[: len(facts.landmarks) + rooms]
+    facts = replace(facts, landmarks=marks, passages=doors)
+    taste = replace(TASTES["rich"], marks=1.0)
+    plans = [plan(facts, taste, np.random.default_rng(seed)) for seed in range(40)]
+    assert any(e.kind == "enter_by" for events in plans for e in events) == told
+
+
+def test_a_goal_in_the_doorway_of_another_room_of_the_name_says_so(two_rooms):
+    facts = facts_of([(1.0, 2.0), (3.0, 2.0), (4.2, 2.0)], two_rooms)
+    (door,) = facts.passages
+    visits = tuple(replace(v, room="kitchen", twins=1) for v in facts.visits)
+    facts = replace(
+        facts, passages=(replace(door, to_room="kitchen"),), visits=visits, goal_rooms=()
+    )
+    stops = [plan(facts, TASTES["natural"], np.random.default_rng(k))[-1] for k in range(8)]
+    assert {stop.kind for stop in stops} >= {"stop_doorway"}
+    assert all((stop.B or stop.C).startswith("other ") for stop in stops)
+
+
+def test_the_longer_texts_of_a_path_go_by_different_plans(two_rooms):
+    facts = facts_of(EAST, two_rooms)
+    drafts_of = {}
+    for style in ("terse", "natural", "rich"):
+        rng = np.random.default_rng(0)
+        drafts_of[style] = _draft(facts, style, rng, Usage(), list(drafts_of.values()))
+    terse, natural, rich = (kinds[0] for _, _, kinds, _ in drafts_of.values())
+    assert terse == "" and natural != rich and {natural, rich} <= set(PLANS)
 
 
 def test_one_stops_at_one_thing_and_not_at_a_group(two_rooms):
