@@ -8,7 +8,7 @@ from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .grammar import pick
 from .names import Names
-from .records import Event, Taste
+from .records import PASSES, Event, Taste
 from .refer import PASS_DOOR_M, at_start, in_sight, in_view, passed, walked_over
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
@@ -29,7 +29,6 @@ _BY_ONE = _STOPS_BY_ONE | {
     "facing", "behind", "turn_at", "turn_beside", "to_thing", "turn_before", "turn_to",
     "turn_after", "turn_enter_at", "cue", "enter_see", "enter_turn_to", "pass", "goal_thing",
 }  # fmt: skip
-_PASSES = ("pass", "over", "between")
 
 
 def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -178,10 +177,10 @@ def with_distances(
     for k, event in enumerate(todo):
         gap = event.along_m - before
         bare = event.kind in _PLAIN_TURNS
-        turn_m = next(e.along_m for e in todo[k:] if not e.kind.startswith(_PASSES))
+        turn_m = next(e.along_m for e in todo[k:] if not e.kind.startswith(PASSES))
         room = facts.room_at(before + 0.3)
         stays = facts.room_at(max(before, turn_m - 0.5)) == room == "hallway"
-        new = not (result and result[-1].kind.startswith((*_PASSES, "follow")))
+        new = not (result and result[-1].kind.startswith((*PASSES, "follow")))
         if speaks and stays and new and turn_m - before > (3.0 if bare else _LONG_M):
             hall = f"{'long ' * (turn_m - before > _LONG_HALL_M)}{names.name(room)}"
             if event.kind in ("enter", "enter_door") and event.B:

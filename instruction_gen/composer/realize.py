@@ -9,7 +9,7 @@ import numpy as np
 
 from ..language.claims import Claim, Step
 from .grammar import Clause, Phrase, drafts, pick
-from .records import Event
+from .records import PASSES, Event
 
 _CHOICES = 32  # ways to say an event, of which the least used is taken
 _OPENERS = ("Then", "Now", "From there,", "Next,", "After that,")
@@ -116,10 +116,13 @@ def _sentences(clauses: Sequence[Clause], voice: str, rng: np.random.Generator) 
         elif clause.event.kind == "too_far":
             now.words += f". {_upper(clause.words)}"
         elif _continues(now, clause, voice, rng, leading=leading):
-            now.words += _joint(now, clause, voice, rng) + clause.words
+            within = leading and clause.event.kind.startswith(PASSES)
+            now.words += (" and " if within else _joint(now, clause, voice, rng)) + clause.words
         else:
             words = clause.words
             moved = not now.words.lower().startswith(_STANDING) and "then" not in now.words.split()
+            # What one sees from a place is not reached before what comes next.
+            moved = moved and not (now.claims and now.claims[-1].kind == "see")
             plain = clause.phrase.joint == "" and not {"then", "next"} & set(words.split())
             if (
                 plain

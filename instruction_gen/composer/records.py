@@ -4,6 +4,8 @@ from dataclasses import dataclass
 
 from .refer import Reference
 
+PASSES = ("pass", "over", "between")  # how the kinds of what lies along a way begin
+
 
 @dataclass(frozen=True)
 class Event:
