@@ -25,6 +25,7 @@ _SIGHTS = frozenset((
     "nightstand", "radiator",
 ))  # fmt: skip
 _OVER_MOMENTS = 4  # a quarter of a metre apart
+_BY_M, _AWAY_DEG = 1.0, 40.0  # what is nearer is passed before a turn away from it
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 
 
@@ -160,7 +161,18 @@ def passed(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) ->
     beside = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_M and mark.side
     # What one sees through a door is not passed.
     here = mark.room in ("", facts.room_at(mark.along_m))
-    return bool((mark.nameable or mark.noun in HUNG) and beside and here and came_by(mark))
+    named = mark.nameable or mark.noun in HUNG
+    return bool(named and beside and here and came_by(mark) and not _turned_from(mark, facts))
+
+
+def _turned_from(mark: LandmarkFact, facts: PathFacts) -> bool:
+    """Return whether a turn away from a thing at some distance brings it behind, not the walk."""
+    away_deg = sum(
+        abs(turn.angle_deg)
+        for turn in facts.turns
+        if turn.side != mark.side and -1.0 <= turn.along_m - mark.along_m <= 0.5
+    )
+    return mark.distance_m > _BY_M and away_deg >= _AWAY_DEG
 
 
 def walked_over(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) -> bool:
