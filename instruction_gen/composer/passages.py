@@ -27,6 +27,7 @@ from .refer import (
 _MANY_EXITS, _COUNTED = 3, 0.6
 _BY_THING = 0.25  # how often a room is told by a thing in it alone
 _JUST_M = 1.5
+_AT_EXIT_M = 0.3  # a turn farther before an exit is made inside
 _SIDED_DEG = 40.0  # a thing so far aside of who enters is on his side
 _SWING_M = 0.4  # a doorway so far to the other side is not on its side
 
@@ -69,7 +70,10 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
         if (passage.alike and _is_aside(passage, facts)) or (
             many and _counts(passage, facts) and rng.random() < _COUNTED
         ):  # of several doorways
-            return replace(event, kind="turn_enter_nth", s=passage.side, ordinal=passage.ordinal)
+            # A door without its room is one of the room that the text names next.
+            bare = taste.voice == "terse" and passage is facts.passages[-1] and rng.random() < 0.5
+            kind = "turn_nth" if bare else "turn_enter_nth"
+            return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
         if slight:
             return replace(event, kind="slight_enter")
         if marked and rng.random() < 0.5:
@@ -85,7 +89,8 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
             return replace(event, kind=kind, X=mark, Y=other)
         kinds = ["turn_enter"] * 3 + ["turn_enter_door"] * doorway * 2
         kinds = ["turn_enter"] if passage.side and not _is_aside(passage, facts) else kinds
-        kinds += ["leave_turn_enter"] * 3 if first and event.A else []
+        outside = passage.along_m - turn.along_m <= _AT_EXIT_M
+        kinds += ["leave_turn_enter"] * 3 if first and event.A and outside else []
         return replace(event, kind=pick(kinds, rng))
     if turn is not None:
         if rng.random() < 0.8 and passage.to_room == "hallway" != passage.from_room:
