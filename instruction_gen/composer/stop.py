@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..facts.doors import DOOR
+from ..facts.doors import DOOR, OPENING
 from ..facts.records import PathFacts
 from .grammar import pick
 from .names import Names
@@ -18,6 +18,7 @@ _BESIDE_M = 1.1
 _COMES_M = 1.0
 _AT_STAIRS_M = 0.8
 _AT_DOOR_M, _AHEAD_M = 1.4, 4.0
+_BEFORE_DEG, _OUTSIDE_DEG = 60.0, 105.0
 
 
 def stop_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
@@ -51,7 +52,10 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
     near = facts.goal_near_rooms
     alone = len(near) == 1 and visits[-1].beyond.count(near[0]) <= 1
     if since_door_m > _STEPS_INSIDE_M and alone and near[0] not in (v.room for v in visits):
-        return Event("stop_outside", length, B=names.name(near[0]))
+        off_deg = _off_deg(near[0], facts)
+        if off_deg <= _OUTSIDE_DEG:  # who has left the door behind stops past it
+            kind = "stop_before" if off_deg <= _BEFORE_DEG else "stop_outside"
+            return Event(kind, length, B=names.name(near[0]))
     turned_m = max((t.along_m + 0.3 for t in facts.turns), default=0.0)
     from_m = max(length - _PAST_M, turned_m)
     past = names.best(
@@ -85,6 +89,13 @@ def _door_at_goal(facts: PathFacts) -> str:
     rooms = {room for mark in doors for room in mark.leads if room not in visited}
     clear = len(doors) == 1 == len(rooms) and all(beyond.count(room) == 1 for room in rooms)
     return rooms.pop() if clear else ""
+
+
+def _off_deg(room: str, facts: PathFacts) -> float:
+    """Return how far aside of who stops the nearest way into a room lies [deg]."""
+    ways = (m for m in facts.landmarks if m.noun in (DOOR, OPENING) and room in m.leads)
+    nearest = min(ways, key=lambda m: m.goal_distance_m, default=None)
+    return 90.0 if nearest is None else abs(nearest.goal_bearing_deg)
 
 
 def _since_door_m(facts: PathFacts) -> float:
