@@ -88,6 +88,18 @@ def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
     ]
 
 
+def net_deg(facts: PathFacts, turn: TurnFact) -> float:
+    """Return the size of a turn without what smaller bends right after it undo [deg]."""
+    undone = (
+        abs(other.angle_deg)
+        for other in facts.turns
+        if other.side != turn.side
+        and 0.0 < other.along_m - turn.along_m <= _WEAVING_M
+        and abs(other.angle_deg) < TELL_DEG
+    )
+    return abs(turn.angle_deg) - sum(undone)
+
+
 def moves(facts: PathFacts) -> list[Move]:
     """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
     result: list[Move] = []
@@ -115,7 +127,8 @@ def moves(facts: PathFacts) -> list[Move]:
         elif (
             before is not None
             and not before.alike
-            and SLIGHT_DEG <= abs(turn.angle_deg) < SHARP_DEG
+            and net_deg(facts, turn) >= SLIGHT_DEG
+            and abs(turn.angle_deg) < SHARP_DEG
         ):
             passages.remove(before)
             result.append(Move(before.along_m, turn, before))
