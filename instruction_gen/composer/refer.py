@@ -21,8 +21,8 @@ HUNG = ("picture", "window")  # on walls, passed like things
 # What one may see in a room beside the things that stand there.
 _SIGHTS = frozenset((
     "window", "picture", "rug", "clock", "curtain", "chair", "plant", "mirror", "towel rail",
-    "wall cupboard", "bin", "shelf", "toilet", "range hood", "ceiling lamp", "pouf", "basket",
-    "nightstand", "radiator",
+    "wall cupboard", "bin", "shelf", "toilet", "range hood", "pouf", "basket",
+    "nightstand",
 ))  # fmt: skip
 _OVER_MOMENTS = 4  # a quarter of a metre apart
 _BY_M, _AWAY_DEG = 1.0, 40.0  # what is nearer is passed before a turn away from it
