@@ -72,7 +72,7 @@ evaluate:  ## Evaluate a policy in closed loop: make evaluate POLICY=cma-robots 
 	    --controller "$(CONTROLLER)" $(ARGS)
 
 adapt:  ## Fine-tune a policy to your building and test it: make adapt SCENE=scan.glb ROBOT=aliengo [POLICY=cma-robots-32px OUT=…]
-	@$(SETUP) core $(LEARNED)
+	@$(SETUP) core $(if $(filter-out file,$(origin POLICY)),$(LEARNED),train)
 	@$(BIN)/vlnpe adapt $(if $(filter-out file,$(origin SCENE)),"$(SCENE)") --robot "$(ROBOT)" --controller "$(CONTROLLER)" --seed "$(SEED)" \
 	    $(if $(filter-out file,$(origin POLICY)),--policy "$(POLICY)") $(if $(OUT),--out "$(OUT)") \
 	    $(if $(WORKERS),--workers "$(WORKERS)") $(ARGS)

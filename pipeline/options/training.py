@@ -191,6 +191,8 @@ class Adapt(Orientation, Parallel):
     """Number of paths to sample; a third to half of them is set aside."""
     min_length_m: float = SampleConfig.min_length_m
     """Minimum length of a path [m]."""
+    min_crossings: int = SampleConfig.min_crossings
+    """Minimum number of room-to-room transitions per path."""
     steps: int = 300
     """Training steps."""
     learning_rate: float = 5e-4
@@ -206,6 +208,6 @@ class Adapt(Orientation, Parallel):
         """Raise InputError if a number is too small, or the controller follows no policy."""
         check_name("--controller", self.controller, ("auto", "flash", "speed"))
         check_numbers(self, 1, "paths", "steps")
-        check_numbers(self, 0, "threads", "workers")
+        check_numbers(self, 0, "min_crossings", "threads", "workers")
         if not self.learning_rate > 0:
             raise InputError(f"--learning-rate {self.learning_rate:g}; valid: above 0")

@@ -87,7 +87,7 @@ def _start(options: Adapt) -> tuple[Path, Card]:
 
     policy = resolve_policy(options.policy)
     if policy.checkpoint is None:
-        raise InputError(f"--policy {options.policy}: valid: a checkpoint, such as cma-robots")
+        raise InputError(f"--policy {options.policy}: valid: a checkpoint, such as cma-robots-32px")
     policy.identity()  # a damaged checkpoint is reported before anything is collected
     card, _ = read_card(policy.checkpoint)
     if card.config.model.name == RDP:
@@ -215,10 +215,10 @@ def split_by_room(bundle: SceneBundle, episodes: Sequence[Episode], seed: int) -
     ]
     if len(set(rooms)) < LEAST_ROOMS or len(held) < LEAST_PATHS:
         raise SceneError(
-            f"{bundle.root.name}: too small for a fair test: {len(episodes)} paths end in "
-            f"{len(set(rooms))} rooms, and {len(held)} can be set aside by the room of their goal; "
-            f"valid: at least {LEAST_ROOMS} rooms and {LEAST_PATHS} such paths. Shorter paths may "
-            "be had with --min-length-m 3"
+            f"{bundle.root.name}: too small for a fair test: rooms in which its {len(episodes)} "
+            f"paths end: {len(set(rooms))}; paths to set aside by room: {len(held)}; "
+            f"valid: at least {LEAST_ROOMS} rooms and {LEAST_PATHS} such paths. Shorter paths "
+            "(--min-length-m) may end in more rooms"
         )
     train = [episode for episode, room in zip(episodes, rooms, strict=True) if room not in chosen]
     return Parts(train, held, chosen, sorted(set(rooms) - set(chosen)))
