@@ -128,8 +128,8 @@ def served() -> Iterator[Hub]:
 
 @pytest.fixture
 def hub(served: Hub) -> Iterator[Hub]:
-    served.repos.clear()
-    served.blobs.clear()
+    for kept in (served.repos, served.blobs, served.unknown, served.drops):
+        kept.clear()  # also of a test that failed
     yield served
     assert served.unknown == []
     assert served.drops == [], "a connection that was to be cut was never opened"
@@ -150,7 +150,6 @@ def client(served: Hub, cache: Path) -> Iterator[Ask]:
         text=True,
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
     ) as process:
         assert process.stdin is not None and process.stdout is not None
         lines, replies = process.stdin, process.stdout
