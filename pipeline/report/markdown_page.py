@@ -6,7 +6,7 @@ _STYLE = (
     "td,th{padding:.3rem .7rem;border-bottom:1px solid #ddd;text-align:left;"
     "overflow-wrap:anywhere;min-width:5rem}"
     "[style*=right]{white-space:nowrap;min-width:0}"
-    "img{max-width:100%}"
+    "pre{white-space:pre-wrap;overflow-wrap:anywhere}img{max-width:100%}"
 )
 
 

@@ -15,6 +15,7 @@ from tests.support.devtools import chromium
 from vlnpe.formats.trainers.answers import KINDS
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.report.gather import RobotRow
+from vlnpe.pipeline.report.markdown_page import markdown_page
 from vlnpe.pipeline.report.policy_page import policy_page
 
 INSTRUCTION = "Turn left, walk past the washing machine on your right and stop near the table."
@@ -105,6 +106,12 @@ def test_tables_of_a_collection_fit_a_phone(tmp_path: Path) -> None:
     hidden = hidden_px(collection_page(), ".scroll", 390, tmp_path)
     assert len(hidden) >= 3
     assert max(hidden) <= 0, hidden
+
+
+def test_commands_of_a_markdown_page_are_wrapped(tmp_path: Path) -> None:
+    text = "```\nevaluate: vlnpe evaluate " + "/a/long/path" * 20 + "\n```"
+    hidden = hidden_px(markdown_page("adapted", text), "pre", 1180, tmp_path)
+    assert len(hidden) >= 2 and max(hidden) <= 0, hidden
 
 
 def test_the_command_that_shows_the_robots_is_copied_with_a_click(tmp_path: Path) -> None:
