@@ -3,12 +3,13 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..facts.records import ClimbFact, PassageFact, PathFacts, TurnFact
+from ..facts.records import ClimbFact, PassageFact, PathFacts, TurnFact, manoeuvre_deg
 
 TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
 HINT_DEG = 30.0
 SLIGHT_DEG, SHARP_DEG = 50.0, 122.0
+_MIDDLING_DEG = 65.0
 _ONE_BEND_M = 1.6
 _WEAVING_M = 2.0
 _DOOR_AFTER_TURN_M = (-0.3, 1.5)  # a doorway this far behind a turn is one step with it
@@ -88,16 +89,17 @@ def _opposed(facts: PathFacts, turn: TurnFact) -> list[TurnFact]:
     ]
 
 
-def net_deg(facts: PathFacts, turn: TurnFact) -> float:
-    """Return the size of a turn without what smaller bends right after it undo [deg]."""
-    undone = (
+def undone(facts: PathFacts, turn: TurnFact) -> bool:
+    """Return whether smaller bends right after a turn of middling size leave a slight one of it."""
+    back_deg = (
         abs(other.angle_deg)
         for other in facts.turns
         if other.side != turn.side
         and 0.0 < other.along_m - turn.along_m <= _WEAVING_M
         and abs(other.angle_deg) < TELL_DEG
     )
-    return abs(turn.angle_deg) - sum(undone)
+    middling = manoeuvre_deg(facts.turns, turn.along_m) <= _MIDDLING_DEG
+    return middling and abs(turn.angle_deg) - sum(back_deg) < SLIGHT_DEG
 
 
 def moves(facts: PathFacts) -> list[Move]:
@@ -127,8 +129,8 @@ def moves(facts: PathFacts) -> list[Move]:
         elif (
             before is not None
             and not before.alike
-            and net_deg(facts, turn) >= SLIGHT_DEG
-            and abs(turn.angle_deg) < SHARP_DEG
+            and not undone(facts, turn)
+            and SLIGHT_DEG <= abs(turn.angle_deg) < SHARP_DEG
         ):
             passages.remove(before)
             result.append(Move(before.along_m, turn, before))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..facts.records import LandmarkFact, PathFacts, TurnFact
 from .climbs import climb_event, off_stairs, with_end
-from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves, net_deg
+from .moves import CLEAR_DEG, SHARP_DEG, SLIGHT_DEG, Move, moves, undone
 from .names import Names
 from .passages import is_slight, is_unique, just_passed, one_of_many, passage_event
 from .records import Event, Taste
@@ -136,7 +136,7 @@ def _turn(move: Move, gap_m: float, facts: PathFacts, names: Names, taste: Taste
     size, along = abs(turn.angle_deg), turn.along_m
     if size >= _ROUND_DEG:
         return Event("around", along)
-    slight = is_slight(turn, facts) or net_deg(facts, turn) < SLIGHT_DEG
+    slight = is_slight(turn, facts) or undone(facts, turn)
     if slight or size > SHARP_DEG:
         return Event("slight" if slight else "sharp", along, s=turn.side)
     # Within a room, a turn that does not come at once needs a cue.

@@ -100,8 +100,13 @@ def test_one_stops_outside_a_room_whose_door_is_not_behind(two_rooms, bearing_de
     assert stop.kind == kind
 
 
-@pytest.mark.parametrize(("undone_deg", "slight"), [(24.0, True), (0.0, False)])
-def test_a_turn_that_a_bend_right_after_it_undoes_in_part_is_slight(two_rooms, undone_deg, slight):
-    turns = (TurnFact(3.0, -51.0), TurnFact(4.5, undone_deg))[: 1 + slight]
+@pytest.mark.parametrize(
+    ("turn_deg", "back_deg", "slight"),
+    [(-51.0, [24.0], True), (-51.0, [], False), (-80.0, [34.0], False)],
+)
+def test_a_turn_that_a_bend_right_after_it_undoes_in_part_is_slight(
+    two_rooms, turn_deg, back_deg, slight
+):
+    turns = (TurnFact(3.0, turn_deg), *(TurnFact(4.5, angle) for angle in back_deg))
     facts = replace(facts_of(EAST, two_rooms), passages=(), turns=turns, length_m=9.0)
     assert ("slight" in kinds_of(facts)) is slight
