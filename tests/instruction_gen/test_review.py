@@ -41,7 +41,8 @@ def written(two_rooms):
 
 @pytest.fixture
 def review(written, tmp_path):
-    return Review(*written, tmp_path / "review.jsonl")
+    episodes, scenes = written
+    return Review(episodes, scenes, tmp_path / "review.jsonl")
 
 
 @contextmanager
