@@ -11,14 +11,14 @@ from .grammar import name_of, pick
 from .refer import Reference, at_hand, in_row
 
 _SMALL = frozenset(("dumbbell", "vase", "bin", "pouf", "stool", "basket", "box"))
-# Adjectives of things larger or smaller (negative) than a size [m].
+# Adjectives of things whose size [m] lies between two bounds, themselves included.
 _SIZES = (
-    ("tall", 1.7, frozenset(("wardrobe", "bookshelf"))),
-    ("large", 1.7, frozenset(("sofa", "bed", "table", "desk"))),
-    ("big", 1.9, frozenset(("sofa", "bed", "table", "rug"))),
-    ("long", 1.5, frozenset(("bench", "sideboard", "tv stand", "counter"))),
-    ("low", 0.0, frozenset(("coffee table", "tv stand", "bench"))),
-    ("small", -0.6, frozenset(("nightstand", "basket", "pouf", "stool", "plant"))),
+    ("tall", 1.7, np.inf, frozenset(("wardrobe", "bookshelf"))),
+    ("large", 1.7, np.inf, frozenset(("sofa", "bed", "table", "desk"))),
+    ("big", 1.9, np.inf, frozenset(("sofa", "bed", "table", "rug"))),
+    ("long", 1.5, np.inf, frozenset(("bench", "sideboard", "tv stand", "counter"))),
+    ("low", 0.0, np.inf, frozenset(("coffee table", "tv stand", "bench"))),
+    ("small", 0.0, 0.6, frozenset(("nightstand", "basket", "pouf", "stool", "plant"))),
 )
 _LONG_M = 2.5
 _MOST_ALIKE = 6  # "the desks" among more than so many in a room are nowhere
@@ -152,6 +152,6 @@ def _sizes(mark: LandmarkFact) -> list[str]:
     names = {mark.noun, mark.noun.split()[-1]}
     return [
         word
-        for word, from_m, nouns in _SIZES
-        if names & nouns and (mark.size_m >= from_m if from_m >= 0.0 else mark.size_m <= -from_m)
+        for word, least_m, most_m, nouns in _SIZES
+        if names & nouns and least_m <= mark.size_m <= most_m
     ]
