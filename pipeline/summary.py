@@ -175,6 +175,7 @@ def _troubles(r: RobotRow) -> str:
         f"fell ({r.down} down a second later)": r.falls,
         "stuck": r.stuck,
         "out of time": r.timeouts,
+        "stopped near": r.stopped_near,
         "stopped far": r.stopped_far,
         "blocked at the start": r.blocked_starts,
         "touched": r.collisions,

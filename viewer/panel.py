@@ -21,7 +21,7 @@ def text_html(walk: Walk, part: int) -> str:
         for p, w in zip(walk.all_parts, words, strict=True)
     ]
     end = walk.rollout.end_reason
-    color = "#2b8a3e" if end == "success" else "#c92a2a"
+    color = "#2b8a3e" if walk.rollout.metrics.success else "#c92a2a"
     title = f"{html.escape(walk.name)} · <b style='color:{color}'>{html.escape(end)}</b>"
     return padded(f"<small>{title}</small><br>{' '.join(marked)}", announced=True)
 

@@ -241,7 +241,7 @@ class EpisodeRun:
         return len(self.actions) + self.motions
 
     def end_of_stop(self) -> EndReason:
-        """Return whether a stop here is a success."""
+        """Return whether a stop here is a success; `finish` tells near from far."""
         pose = self.world.pose
         x, y, z = self.episode.goal_position_world_m.tolist()
         near = math.hypot(pose.x_m - x, pose.y_m - y) <= self.config.outcome.success_m
@@ -283,6 +283,8 @@ class EpisodeRun:
         over = self.episode.staircases
         ground = ground_of(world.bundle, self.episode) if over else world.freemap
         metrics = rollout_metrics(self.episode, ground, place, end)
+        if end is EndReason.STOPPED_FAR and metrics.success:
+            end = EndReason.STOPPED_NEAR
         return Rollout(
             episode=self.episode,
             robot=world.robot.name,

@@ -26,7 +26,7 @@ ACTION_RATE_HZ = 4
 NDTW_THRESHOLD_M = 3.0
 REFERENCE_STEP_M = 0.25  # one FORWARD action
 
-_STOPPED = (EndReason.SUCCESS, EndReason.STOPPED_FAR)
+_STOPPED = (EndReason.SUCCESS, EndReason.STOPPED_NEAR, EndReason.STOPPED_FAR)
 
 
 def dtw(a_m: ArrayLike, b_m: ArrayLike) -> float:

@@ -37,9 +37,14 @@ STEPS = {
 
 
 class EndReason(StrEnum):
-    """Why an episode ended; only `SUCCESS` counts as success."""
+    """Why an episode ended.
+
+    `SUCCESS` is the strict one of collection. A stop farther from the goal, but within its radius,
+    `STOPPED_NEAR`, is a success in VLN's sense only (`Metrics.success`).
+    """
 
     SUCCESS = "success"
+    STOPPED_NEAR = "stopped_near"
     STOPPED_FAR = "stopped_far"
     FALL = "fall"
     STUCK = "stuck"

@@ -15,6 +15,7 @@ REASONS = {
     "fall": "fell",
     "stuck": "got stuck",
     "timeout": "took too long",
+    "stopped_near": "stopped near the goal",
     "stopped_far": "stopped away from the goal",
     "collision_start": "started inside an obstacle",
 }
@@ -60,7 +61,7 @@ def _figure(row: Row, clip: Path | None, embedded: bool) -> dict[str, Any]:
         "episode": facts["episode"],
         "who": f"{facts['robot']}, {facts['controller']}",
         "what": REASONS[facts["end_reason"]],
-        "detail": far if facts["end_reason"] == "stopped_far" else facts["detail"],
+        "detail": far if facts["end_reason"].startswith("stopped") else facts["detail"],
         "seconds": metrics["duration_s"],
         "file": f"clips/{clip.name}" if clip else "",
     }

@@ -30,7 +30,8 @@ class RobotRow:
         fr_down: rate of falls after which the robot was down a second later; the others stumbled.
         recovered, down: how many of the falls the robot stood up from by itself, and after how
             many it was down a second later.
-        falls, stuck, timeouts, stopped_far, blocked_starts, diverged: counts by end reason.
+        falls, stuck, timeouts, stopped_near, stopped_far, blocked_starts, diverged: counts by end
+            reason.
         collisions: episodes in which the robot touched an obstacle, or started inside one.
     """
 
@@ -55,6 +56,7 @@ class RobotRow:
     fr_down: float
     stuck: int
     timeouts: int
+    stopped_near: int
     stopped_far: int
     blocked_starts: int
     diverged: int
@@ -211,6 +213,7 @@ def _robot_row(
         fr_down=100 * sum(bool(m.get("down")) for m in metrics) / tried,
         stuck=ends[EndReason.STUCK],
         timeouts=ends[EndReason.TIMEOUT],
+        stopped_near=ends[EndReason.STOPPED_NEAR],
         stopped_far=ends[EndReason.STOPPED_FAR],
         blocked_starts=ends[EndReason.COLLISION_START],
         diverged=diverged,

@@ -115,7 +115,7 @@ def test_distance_goes_round_the_wall_not_through_it(two_rooms: SceneBundle) -> 
 def test_only_a_stop_near_the_goal_is_success(two_rooms: SceneBundle, end: EndReason) -> None:
     track = walk((1, 1), (3, 2), (5, 2), (6, 2.5))
     m = rollout_metrics(episode(), two_rooms.freemap(0), track, end)
-    assert m.success == (end in (EndReason.SUCCESS, EndReason.STOPPED_FAR))
+    assert m.success == (end.startswith(("success", "stopped")))
     assert m.spl == 0.0 or m.success
     assert m.oracle_success  # it came within 3 m in any case
     assert m.fall == (end is EndReason.FALL)

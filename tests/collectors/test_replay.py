@@ -327,11 +327,16 @@ def test_too_many_actions_are_a_timeout(world: World) -> None:
     assert r.metrics.duration_s == pytest.approx(2.5, abs=0.3)
 
 
-def test_a_stop_elsewhere_is_stopped_far(world: World) -> None:
-    episode = make_episode(world.bundle, goal=(7.0, 3.0), path=[[1, 1, 0], [3, 2, 0], [5, 2, 0]])
+@pytest.mark.parametrize(
+    ("x_m", "end"), [(5.0, EndReason.STOPPED_NEAR), (3.0, EndReason.STOPPED_FAR)]
+)
+def test_a_stop_elsewhere_is_near_where_vln_calls_it_a_success(
+    world: World, x_m: float, end: EndReason
+) -> None:
+    episode = make_episode(world.bundle, goal=(7.0, 3.0), path=[[1, 1, 0], [3, 2, 0], [x_m, 2, 0]])
     r = replay_in(world, episode, ReplayConfig(controller="speed"))
-    assert r.end_reason is EndReason.STOPPED_FAR
-    assert r.metrics.success  # the VLN success: it stopped within 3 m
+    assert r.end_reason is end
+    assert r.metrics.success is (end is EndReason.STOPPED_NEAR)
     assert r.metrics.navigation_error_euclidean_m > 1.5
 
 

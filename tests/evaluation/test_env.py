@@ -211,7 +211,8 @@ def test_velocities_are_held_for_an_action(two_rooms, episodes) -> None:
     assert 0.5 < seen["pose"][0] < 1.0  # 2 s at 0.5 m/s, from standing
     np.testing.assert_array_equal(seen["previous_action"], [0.5, 0.0, 0.0])
     _, _, done, _, info = env.step(0)
-    assert done and info["end_reason"] == "stopped_far" and info["step"] == 9
+    assert done and info["step"] == 9
+    assert info["end_reason"] == "stopped_near" and info["metrics"]["success"]
     for wrong in ([1.0, 2.0], [np.nan, 0, 0], "jump", {"waypoints": [[1, 0, 0]]}):
         env.reset(options={"episode": 1})
         with pytest.raises(PolicyError, match="valid: three finite numbers"):
@@ -345,7 +346,7 @@ def test_actions_in_every_form_a_model_gives() -> None:
 
 @pytest.mark.parametrize(
     ("policy", "reason"),
-    [(Stop(), {"stopped_far"}), (Forward(), {"stuck", "stopped_far"}), (Random(3), None)],
+    [(Stop(), {"stopped_near"}), (Forward(), {"stuck", "stopped_far"}), (Random(3), None)],
 )
 def test_simple_policies_end(two_rooms, episodes, policy, reason) -> None:
     world = open_world(two_rooms, 0, get_robot("aliengo"))

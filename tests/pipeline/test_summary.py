@@ -24,13 +24,19 @@ def test_the_table_of_a_common_run_fits_80_columns() -> None:
 
 
 def test_the_widest_table_fits_100_columns_and_tells_what_went_wrong() -> None:
-    counts = {"falls": 2, "down": 1, "stuck": 3, "timeouts": 4, "stopped_far": 5}
+    counts = {"falls": 2, "down": 1, "stuck": 3, "timeouts": 4, "stopped_far": 5, "stopped_near": 9}
     counts |= {"blocked_starts": 6, "collisions": 7, "diverged": 8}
     names = {"robot": "a_robot_of_my_own_make", "driven": "speed, open loop, 50 steps, seed 12"}
     lines = robot_table([robot(**counts, **names), robot(ne=None)]).splitlines()
     assert max(map(len, lines)) <= 100
     told = " ".join(" ".join(lines[2:-1]).split())
-    for words in ("2 fell (1 down a second later)", "3 stuck", "4 out of time", "5 stopped far"):
+    for words in (
+        "2 fell (1 down a second later)",
+        "3 stuck",
+        "4 out of time",
+        "5 stopped far",
+        "9 stopped near",
+    ):
         assert words in told
     for words in ("6 blocked at the start", "7 touched", "8 diverged"):
         assert words in told
