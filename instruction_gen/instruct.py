@@ -25,12 +25,13 @@ from .facts.records import PathFacts
 from .llm.brief import prompts_sha256
 from .llm.settings import CACHE_NAME
 from .records import COMPOSER, LOCAL, InstructConfig, WrittenText
+from .rivals import Rivals
 
 logger = logging.getLogger(__name__)
 
 # A path's texts, or problems where none is true.
 Written = tuple[list[WrittenText], list[str]]
-Writer = Callable[[Ground, np.random.Generator], Written]
+Writer = Callable[[Ground, np.random.Generator, Rivals], Written]
 
 
 @dataclass(frozen=True)
@@ -77,6 +78,15 @@ class Levels:
         """
         first, *beyond = (self.of(episode, level) for level in episode.levels)
         return path_facts(episode, first, visibility, beyond)
+
+    def rivals(self, episode: Episode, facts: PathFacts) -> Rivals:
+        """Return the other ways from where an episode's path with these facts starts.
+
+        Raises:
+            FileFormatError: its scene is missing.
+            InputError: the scene has no such level.
+        """
+        return Rivals(episode, [self.of(episode, level) for level in episode.levels], facts)
 
     def of(self, episode: Episode, level: int | None = None) -> LevelFacts:
         """Return a level of an episode's scene, by default the one that it starts on.
@@ -157,7 +167,9 @@ def instruct_episodes(
 
     def describe(path: str, facts: PathFacts) -> Written:
         ground = Ground(facts)
-        texts, problems = write(ground, path_generator(seed, path))
+        texts, problems = write(
+            ground, path_generator(seed, path), levels.rivals(paths[path], facts)
+        )
         texts = [  # with where the steps begin, if its words are those of the steps
             replace(t, from_m=step_starts_m(t.steps, ground)) if t.language == "en" else t
             for t in texts
@@ -200,7 +212,9 @@ def instruct_episodes(
 def _writer(config: InstructConfig, taken: set[str], cache: Path, result: InstructResult) -> Writer:
     if config.writer == COMPOSER:
         usage, styles = Usage(), config.styles
-        return lambda ground, rng: compose_texts(ground, config.count, styles, rng, taken, usage)
+        return lambda ground, rng, rivals: compose_texts(
+            ground, config.count, styles, rng, taken, usage, rivals
+        )
     settings = config.llm
     if settings is None:
         raise InputError(f"--writer {config.writer}: no language model is configured")

@@ -13,33 +13,40 @@ from vlnpe.instruction_gen.checker import Ground, check_text
 from vlnpe.instruction_gen.composer import Usage, compose_texts
 from vlnpe.instruction_gen.instruct import Levels, path_generator
 from vlnpe.instruction_gen.records import STYLES
+from vlnpe.instruction_gen.rivals import Rivals
 from vlnpe.pipeline.engine.run_folder import RunFolder
 
 from .diversity import table, words_of
 
+Sample = tuple[Episode, Ground, Rivals]  # of one path
 
-def load(folder: Path) -> list[tuple[Episode, Ground]]:
-    """Return the paths of a run, sampled or instructed, with their facts."""
-    result: list[tuple[Episode, Ground]] = []
+
+def load(folder: Path) -> list[Sample]:
+    """Return the paths of a run, sampled or instructed, with their facts and rivals."""
+    result: list[Sample] = []
     levels = Levels(folder / "scenes")
     for file in sorted((folder / "episodes" / "sampled").glob("*.json.gz")):
         scene = file.name.removesuffix(".json.gz")
         seen = RunFolder(folder).sights.seen(scene)
         sight = read_visibility(seen) if seen.is_file() else None
-        result += [(e, Ground(levels.facts(e, sight))) for e in read_episodes(file)]
+        for episode in read_episodes(file):
+            facts = levels.facts(episode, sight)
+            result.append((episode, Ground(facts), levels.rivals(episode, facts)))
     return result
 
 
-def composed(paths: Sequence[tuple[Episode, Ground]], seed: int = 0) -> dict[str, Any]:
+def composed(paths: Sequence[Sample], seed: int = 0) -> dict[str, Any]:
     """Return figures of the three texts of each path, written scene by scene as `instruct` does."""
     usages: dict[str, Usage] = defaultdict(Usage)
     words: dict[str, list[int]] = {style: [] for style in STYLES}
     texts: list[str] = []
     left_out, first, true = [], 0, 0
     started = time.process_time()
-    for episode, ground in paths:
+    for episode, ground, rivals in paths:
         rng = path_generator(seed, f"{episode.scene_id}/{episode.trajectory_id}")
-        written, reason = compose_texts(ground, 3, STYLES, rng, (), usages[episode.scene_id])
+        written, reason = compose_texts(
+            ground, 3, STYLES, rng, (), usages[episode.scene_id], rivals
+        )
         left_out += [] if written else [f"{episode.trajectory_id}: {'; '.join(reason)}"]
         for text in written:
             texts.append(text.text)

@@ -75,7 +75,14 @@ class Alignment:
         told: of each claim, what it costs there and why.
     """
 
-    def __init__(self, ground: Ground, claims: Sequence[Claim], owners: Sequence[int]):
+    def __init__(
+        self,
+        ground: Ground,
+        claims: Sequence[Claim],
+        owners: Sequence[int],
+        most: float = np.inf,
+    ):
+        """Place the claims; where that costs more than `most`, only the cost is of use."""
         self.ground, self.along, self.turns = ground, ground.along_m, events_of(ground)
         self._within = ""  # the room that the text is in
         cost = np.full((len(self.turns) + 1, ground.places), np.inf)
@@ -85,8 +92,12 @@ class Alignment:
             said = Said(claims, owners, index)
             moves.append((self._turn if claim.kind == "turn" else self._place)(said, cost))
             cost = moves[-1][0]
+            if cost.min() > most**2:
+                break
         self.cost = float(np.sqrt(cost.min()))
         self.places, self.told = [0] * len(moves), [[(0.0, "")] for _ in moves]
+        if len(moves) < len(claims):
+            return
         m, s = np.unravel_index(int(cost.argmin()), cost.shape)
         for k in range(len(moves) - 1, -1, -1):
             _, origin, told = moves[k]

@@ -46,7 +46,7 @@ def start_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             kinds[mark.name] = found[0]
         return found[1] if found else None
 
-    best = names.best(near)
+    best = names.best(near, single=True)
     if best is None:
         names.homed = bool(room)
         return [Event("home", 0.0, A=room)] if room else []

@@ -8,6 +8,7 @@ import numpy as np
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
 from ..records import COMPOSER, WrittenText
+from ..rivals import Rivals
 from .along import (
     FEW_STEPS_M,
     bent,
@@ -21,11 +22,11 @@ from .grammar import Phrase, is_hall, pick
 from .moves import ambiguous
 from .names import Names
 from .realize import Usage, realize
-from .records import PLANS, TASTES, Event, Taste
+from .records import PLANS, TASTES, Event, Taste, explicit
 from .steps import move_events
 from .stop import stop_events
 
-DRAFTS = 32  # written for each text, the best is taken
+DRAFTS = 24  # written for each text, the best is taken
 WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (36, 48)}
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.
@@ -44,6 +45,7 @@ def compose_texts(
     rng: np.random.Generator,
     taken: Collection[str] = (),
     usage: Usage | None = None,
+    rivals: Rivals | None = None,
 ) -> tuple[list[WrittenText], list[str]]:
     """Write `count` different texts in turn in the given styles.
 
@@ -51,6 +53,7 @@ def compose_texts(
         styles: of `STYLES`.
         taken: texts that other paths have already.
         usage: what was written for other paths; the texts repeat little of it.
+        rivals: of the path; a text that leads to one of them as well is not taken.
 
     Returns:
         The texts that pass their check, as many as could be had, and, where that is none, why.
@@ -63,17 +66,21 @@ def compose_texts(
     problems: list[str] = []
     for number in range(count):
         style = styles[number % len(styles)]
-        drafts = [_draft(ground.facts, style, rng, usage, chosen) for _ in range(DRAFTS)]
-        drafts.sort(key=lambda d: d[0])
-        for attempt, (score, text, kinds, phrases) in enumerate(drafts, start=1):
-            if text.text in taken or any(text.text == other.text for _, other, *_ in chosen):
-                continue
-            verdict = check_text(text.text, ground, text.steps)
-            if verdict.ok:
+        said = {*taken, *(text.text for _, text, *_ in chosen)}
+        attempt = 0
+        for taste in (TASTES[style], explicit(TASTES[style])):
+            drafts = [_draft(ground.facts, taste, rng, usage, chosen) for _ in range(DRAFTS)]
+            drafts = [d for d in sorted(drafts, key=lambda d: d[0]) if _may_do(d[1], said)]
+            for score, text, kinds, phrases in drafts:
+                attempt += 1
+                if problems := _problems(text, ground, rivals):
+                    continue
                 chosen.append((score, replace(text, attempts=attempt), kinds, phrases))
                 usage.add(text.text, phrases)
                 break
-            problems = list(verdict.problems)
+            else:
+                continue
+            break
     return [text for _, text, *_ in chosen], ([] if chosen else problems)
 
 
@@ -118,11 +125,24 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
     return bent(events, facts)
 
 
+def _may_do(text: WrittenText, said: Collection[str]) -> bool:
+    """Return whether a draft is new and not far too long, as one that tells all may be."""
+    return text.text not in said and len(text.text.split()) <= 2 * WORDS[text.style][1]
+
+
+def _problems(text: WrittenText, ground: Ground, rivals: Rivals | None) -> list[str]:
+    """Return what is wrong with a draft: what is not so, or where else it leads."""
+    verdict = check_text(text.text, ground, text.steps)
+    led_to = rivals.led_to(text.steps) if rivals and verdict.ok else ""
+    return [led_to] if led_to else list(verdict.problems)
+
+
 def _draft(
-    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage, others: Sequence[_Draft]
-) -> _Draft:
+    facts: PathFacts, taste: Taste, rng: np.random.Generator, usage: Usage,
+    others: Sequence[_Draft],
+) -> _Draft:  # fmt: skip
     """Return a draft and how bad it is: its repetitions, its length, what other texts share."""
-    taste = TASTES[style]
+    style = taste.voice
     spread = float(rng.uniform(0.5, 1.3))
     used = {kinds[0] for _, _, kinds, _ in others}
     told = frozenset(phrase for *_, phrases in others for phrase in phrases)

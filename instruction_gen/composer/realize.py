@@ -11,7 +11,7 @@ from ..language.claims import Claim, Step
 from .grammar import Clause, Phrase, drafts, pick
 from .records import PASSES, Event
 
-_CHOICES = 32  # ways to say an event, of which the least used is taken
+_CHOICES = 24  # ways to say an event, of which the least used is taken
 _OPENERS = ("Then", "Now", "From there,", "Next,", "After that,")
 _OPENED, _MOST_OPENED = 0.25, 2
 _JOINTS = {

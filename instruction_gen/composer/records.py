@@ -1,6 +1,6 @@
 """What the composer mentions of a path."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .refer import Reference
 
@@ -98,6 +98,13 @@ TASTES = {
     "natural": Taste("natural", 0.4, 0.25, 1, 2.2, 0.7, 0.4, 0.15),
     "rich": Taste("rich", 0.8, 0.5, 4, 1.4, 0.8, 0.8, 0.25, brief=0.4),
 }
+
+
+def explicit(taste: Taste) -> Taste:
+    """Return a taste that leaves nothing to guess, for paths where a lighter one misleads."""
+    return replace(taste, marks=2.0, passed=taste.passed + 1, gap_m=1.5, more=1.0, brief=0.0)
+
+
 # What a longer text goes by, of which each text of a path takes another: turns and doors,
 # landmarks, or rooms and what stands in them.
 PLANS = {

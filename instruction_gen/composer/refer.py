@@ -5,6 +5,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from dataclasses import dataclass
 
+import numpy as np
+
 from ..facts.landmarks import PLAIN
 from ..facts.records import LandmarkFact, Moment, PathFacts, TurnFact
 
@@ -24,8 +26,9 @@ _SIGHTS = frozenset((
     "wall cupboard", "bin", "shelf", "toilet", "range hood", "pouf", "basket",
     "nightstand",
 ))  # fmt: skip
-_OVER_MOMENTS = 4  # a quarter of a metre apart
+_OVER_MOMENTS, _ON_M = 4, 0.1  # a quarter of a metre apart, on a rug
 _BY_M, _AWAY_DEG = 1.0, 40.0  # what is nearer is passed before a turn away from it
+_AHEAD_DEG = 80.0  # what is passed was ahead before
 _STARTS_AT_M = 0.7  # a thing that tells how one starts is this large
 
 
@@ -176,11 +179,17 @@ def _turned_from(mark: LandmarkFact, facts: PathFacts) -> bool:
 
 
 def walked_over(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: float) -> bool:
-    """Return whether the path leads over a rug between two places [m], the only one of its room."""
-    alone = sum((m.noun, m.room) == (mark.noun, mark.room) for m in facts.landmarks) == 1
+    """Return whether the path leads over a rug between two places [m], the only one of its room.
+
+    Who starts or stops on it does not cross it.
+    """
     here = low_m <= mark.along_m <= high_m and mark.room == facts.room_at(mark.along_m)
-    long = sum(m.distance_m <= 0.1 for m in mark.moments) >= _OVER_MOMENTS
-    return mark.noun in ("rug", "carpet") and alone and here and long
+    if mark.noun not in ("rug", "carpet") or not here:
+        return False
+    on = [m.along_m for m in mark.moments if m.distance_m <= _ON_M]
+    across = len(on) >= _OVER_MOMENTS and on[0] > 0.0 and on[-1] < facts.length_m - _ON_M
+    alone = sum((m.noun, m.room) == (mark.noun, mark.room) for m in facts.landmarks) == 1
+    return across and alone
 
 
 def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
@@ -208,14 +217,13 @@ def _shown(mark: LandmarkFact, facts: PathFacts) -> bool:
 
 
 def came_by(mark: LandmarkFact) -> bool:
-    """Return whether a thing is clearly beside the walker somewhere close by.
-
-    What only lies behind at the start is not.
-    """
-    return any(
-        m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
-        for m in mark.moments
-    )
+    """Return whether a thing is clearly beside the walker somewhere close by, ahead before that."""
+    beside = [
+        m.along_m for m in mark.moments
+        if m.open and m.distance_m <= PASS_M + 0.5 and 40.0 <= abs(m.bearing_deg) <= 140.0
+    ]  # fmt: skip
+    ahead = (m.along_m for m in mark.moments if abs(m.facing_deg) <= _AHEAD_DEG)
+    return bool(beside) and next(ahead, np.inf) <= mark.along_m
 
 
 def in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:

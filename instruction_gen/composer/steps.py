@@ -99,7 +99,7 @@ def _through(move: Move, after: Move | None, names: Names) -> Event | None:
     rooms = names.entered(move.passage), names.entered(after.passage)
     if not all(rooms) or names.rng.random() < 0.3:
         return None
-    return Event("onward", move.along_m, B=rooms[0], C=rooms[1], to_m=after.along_m)
+    return Event("onward", move.along_m, B=rooms[0], C=rooms[1], to_m=after.passage.along_m)
 
 
 def _joined(move: Move, after: Move | None) -> Event | None:

@@ -63,7 +63,7 @@ def path_facts(
         if half[1] < length:
             marks = tuple(replace(m, goal_distance_m=_FAR_M, goal_open=False) for m in marks)
         part = part_of(path, low_m, high_m) if climbs else path
-        crossed = _crossings(level, part, low_m, high_m)
+        crossed = doors_crossed(level, part, low_m, high_m)
         stays = _visits(level, part, crossed, low_m, climbs[k].to_m if climbs[k:] else high_m)
         if visits:  # into the room at the other end of the stairs
             passages.append(PassageFact(low_m, visits[-1].room, stays[0].room, False, 0.0))
@@ -100,7 +100,7 @@ def _others(
     return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
 
 
-def _crossings(
+def doors_crossed(
     shared: LevelFacts, path: NDArray[np.float64], from_m: float, to_m: float
 ) -> list[Crossing]:
     """Return where a part of the path, `from_m` … `to_m`, passes a door frame, at its ends too.

@@ -7,6 +7,7 @@ from ..checker import Ground, Verdict, check_text
 from ..checker.form import script_problems
 from ..composer import compose_texts
 from ..records import InstructConfig, WrittenText
+from ..rivals import Rivals
 from .answers import Text
 from .brief import back_messages, first_messages, repair_messages
 from .client import Client, ModelDownError, ModelError
@@ -33,9 +34,9 @@ class ModelWriter:
         self.replaced = 0
 
     def __call__(
-        self, ground: Ground, rng: np.random.Generator
+        self, ground: Ground, rng: np.random.Generator, rivals: Rivals | None = None
     ) -> tuple[list[WrittenText], list[str]]:
-        """Return the texts of one path.
+        """Return the texts of one path; those of the composer lead to none of its `rivals`.
 
         Raises:
             ModelDownError: the model fails again and again.
@@ -53,7 +54,9 @@ class ModelWriter:
                 return [], [f"no text in the language {language} passed its check"]
             texts = {one.text for one in (*written, *good)}
             if missing and language == "en":
-                composed, problems = compose_texts(ground, len(missing), missing, rng, texts)
+                composed, problems = compose_texts(
+                    ground, len(missing), missing, rng, texts, rivals=rivals
+                )
                 self.replaced += len(composed)
                 good += composed
             written += good

@@ -296,7 +296,7 @@ def test_a_path_without_a_true_text_is_left_out(two_rooms):
         scenes,
         InstructConfig(),
         0,
-        writer=lambda ground, rng: ([], ["the bed is not on the left"]),
+        writer=lambda ground, rng, rivals: ([], ["the bed is not on the left"]),
     )
     assert result.episodes == []
     assert result.failed == {"e-0": "the bed is not on the left"}
@@ -492,7 +492,7 @@ def test_the_longer_texts_of_a_path_go_by_different_plans(two_rooms):
     drafts_of = {}
     for style in ("terse", "natural", "rich"):
         rng = np.random.default_rng(0)
-        drafts_of[style] = _draft(facts, style, rng, Usage(), list(drafts_of.values()))
+        drafts_of[style] = _draft(facts, TASTES[style], rng, Usage(), list(drafts_of.values()))
     terse, natural, rich = (kinds[0] for _, _, kinds, _ in drafts_of.values())
     assert terse == "" and natural != rich and {natural, rich} <= set(PLANS)
 
