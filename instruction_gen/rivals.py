@@ -9,12 +9,12 @@ import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.geometry import arc_length, path_length, point_along
+from ..wayfinding.crossings import crossings_to_the_ends
 from .checker import Ground
 from .checker.order import Alignment
 from .checker.said import goal_last
 from .checker.things import room_names
 from .facts import LevelFacts, path_facts
-from .facts.build import doors_crossed
 from .facts.doors import DOOR, OPENING
 from .facts.elsewhere import Elsewhere
 from .facts.geometry import Array
@@ -144,7 +144,7 @@ class Rivals:
         way = self._way(number)
         if way is None or len(self._levels) > 1:
             return way is not None
-        crossed = doors_crossed(self._last, way[:, :2], 0.0, path_length(way[:, :2]))
+        crossed = crossings_to_the_ends(self._last.regions, way)
         if len(crossed) != len(self._facts.doors):
             return False  # no door is passed in silence
         regions = np.unique(self._last.regions.at(way[:, :2]))

@@ -32,6 +32,7 @@ class Candidate:
         geodesic_m: length of the shortest way of VLN-CE's agent [m].
         turning_deg: sum of its turns [deg].
         crossed: its steps from room to room, in order.
+        steps: see `Visits`.
         rooms: names of the rooms it visits, in order; "" if unknown.
         ends: room indices of its start and goal.
         open_ends: whether cameras at its ends were required to see far enough.
@@ -46,6 +47,7 @@ class Candidate:
     geodesic_m: float
     turning_deg: float
     crossed: tuple[Crossing, ...]
+    steps: int
     rooms: tuple[str, ...]
     ends: tuple[int, int]
     open_ends: bool
@@ -85,7 +87,7 @@ class AcceptedPaths:
         self.visits[candidate.ends] += 1
         length = int((path_length(candidate.reference_m) - candidate.stairs_m) / LENGTH_BIN_M)
         self.lengths[(candidate.split, length)] += 1
-        self.crossed[(candidate.split, len(candidate.crossed))] += 1
+        self.crossed[(candidate.split, candidate.steps)] += 1
 
 
 def from_one_start(
@@ -245,7 +247,7 @@ def _judge(
     if config.max_turning_deg is not None and turned > config.max_turning_deg:
         return "turning"
     visits = ground.visits(reference)
-    if len(visits.rooms) - 1 < ground.min_crossings:
+    if visits.steps < ground.min_crossings:
         return "same_room"
     own = stations(reference, shape)
     near = accepted.index.near(own)
@@ -265,6 +267,7 @@ def _judge(
         geodesic,
         turned,
         visits.crossed,
+        visits.steps,
         tuple(ground.room_names[room] for room in visits.rooms),
         visits.ends,
         config.min_view_m > 0,

@@ -38,11 +38,14 @@ class Visits:
         ends: room indices of its start and goal.
         rooms: those that it visits, in order.
         crossed: its steps from room to room of a level, in order.
+        steps: how often it passes from room to room, over stairs too, not counting a room that it
+            only begins or ends in the doorway of.
     """
 
     ends: tuple[int, int]
     rooms: tuple[int, ...]
     crossed: tuple[Crossing, ...]
+    steps: int
 
 
 class Ground(Protocol):

@@ -135,13 +135,16 @@ class Joined:
             )
             ends = own.ends[0] + more, own.ends[1] + more
             parts.append(
-                Visits(ends, tuple(room + more for room in own.rooms if room >= 0), crossed)
+                Visits(
+                    ends, tuple(room + more for room in own.rooms if room >= 0), crossed, own.steps
+                )
             )
         before, after = parts
         return Visits(
             (before.ends[0], after.ends[1]),
             before.rooms + after.rooms,
             before.crossed + after.crossed,
+            before.steps + 1 + after.steps,
         )
 
     def is_free(self, reference_m: Array) -> bool:

@@ -11,7 +11,7 @@ from skimage.measure import label
 
 from ..formats.scene.bundle import SceneBundle
 from ..formats.scene.freemap import Freemap
-from ..wayfinding.crossings import crossings
+from ..wayfinding.crossings import crossings, crossings_to_the_ends
 from ..wayfinding.distance import DistanceField, distance_field
 from ..wayfinding.planning import segments_free
 from ..wayfinding.regions import RegionMap, region_map
@@ -103,9 +103,10 @@ class Level:
 def visits(regions: RegionMap, path_m: NDArray[np.float64]) -> Visits:
     """Return the rooms that a path (P, 2 or 3) [m] on one level visits."""
     ends = int(regions.at(path_m[0, :2])), int(regions.at(path_m[-1, :2]))
-    crossed = tuple(crossings(regions, path_m))
+    crossed = tuple(crossings_to_the_ends(regions, path_m))
+    steps = len(crossings(regions, path_m))
     first = crossed[0].from_region if crossed else ends[0]
-    return Visits(ends, (first, *(c.to_region for c in crossed)), crossed)
+    return Visits(ends, (first, *(c.to_region for c in crossed)), crossed, steps)
 
 
 def open_level(

@@ -1,13 +1,13 @@
 """Find where a path passes from one room into another."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..formats.core.arrays import I32, I64, Array
-from ..formats.core.geometry import arc_length, point_along
+from ..formats.core.geometry import arc_length, onward, path_length, point_along
 from .regions import RegionMap
 
 DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
@@ -15,6 +15,8 @@ DOORWAY_M = 1.8  # a passage between rooms at most this wide is called a doorway
 _SAME_DOOR_M = 0.6
 # A path must go this far behind a door for its end to be in the next room.
 _BEHIND_DOOR_M = 0.4
+# Or only so far, where the straight line onward settles in it.
+_BEHIND_FRAME_M, _BEYOND_M = 0.12, 0.5
 
 
 @dataclass(frozen=True)
@@ -65,6 +67,20 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
         if old != new:
             result.append(Crossing(float(along[k]), points[k], old, new, float(widths[k])))
     return result
+
+
+def crossings_to_the_ends(regions: RegionMap, path_m: ArrayLike) -> list[Crossing]:
+    """Return the same for a path that may start or end in a doorway.
+
+    Both ends are drawn out by half a metre: who stands just behind a frame is in the room behind
+    it, wherever the map draws the border of the two.
+    """
+    path = np.asarray(path_m, dtype=np.float64)[:, :2]
+    before, after = (onward(p, _BEYOND_M)[-1] for p in (path[::-1], path))
+    drawn_out = crossings(regions, np.vstack([before, path, after]))
+    crossed = [replace(c, along_m=c.along_m - _BEYOND_M) for c in drawn_out]
+    last_m = path_length(path) - _BEHIND_FRAME_M
+    return [c for c in crossed if _BEHIND_FRAME_M <= c.along_m <= last_m]
 
 
 def _settled(run: I64, rooms: I32, along: Array, widths: Array, settle_m: float) -> bool:

@@ -83,6 +83,13 @@ def point_along_plan(path_m: ArrayLike, along_m: ArrayLike) -> Array:
     return _between(path, arc_length(path[:, :2]), along_m)
 
 
+def onward(path_xy_m: Array, reach_m: float) -> Array:
+    """Return points (K, 2) [m], 0.1 m apart, on the straight line from the end of a path (P, 2)."""
+    step = path_xy_m[-1] - point_along(path_xy_m, max(0.0, path_length(path_xy_m) - 0.4))
+    step = step / max(float(np.linalg.norm(step)), 1e-9)
+    return path_xy_m[-1] + step * np.arange(0.1, reach_m + 1e-6, 0.1)[:, None]
+
+
 def _between(path: Array, at_m: Array, along_m: ArrayLike) -> Array:
     along = np.asarray(along_m, dtype=np.float64)
     return np.stack([np.interp(along, at_m, column) for column in path.T], axis=-1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...formats.core.episode import Episode
 from ...formats.core.geometry import path_length
 from ...formats.scene.visibility import Visibility
-from ...wayfinding.crossings import Crossing, crossings
+from ...wayfinding.crossings import Crossing, crossings_to_the_ends
 from .actions import find_turns
 from .climbs import BEFORE_M, climbs_of, part_of
 from .doors import DOOR, OPENING, Opening
@@ -19,11 +19,10 @@ from .landmarks import PLAIN, landmarks_of
 from .level import LevelFacts
 from .records import LandmarkFact, PassageFact, PathFacts, TurnFact, VisitFact
 from .rooms import nouns_inside, rooms_near
-from .views import onward, room_ahead, views_of
+from .views import room_ahead, views_of
 
 _FAR_M = 99.0  # what is on another level
 _THRESHOLD_M, _NEAR_M = 0.7, 2.5
-_BEYOND_M, _BEHIND_FRAME_M = 0.5, 0.12
 _AT_DOOR_M = 1.0
 _ROW_M = 3.6  # doorways this near to the path are counted
 _ASIDE_DEG = 15.0
@@ -63,7 +62,10 @@ def path_facts(
         if half[1] < length:
             marks = tuple(replace(m, goal_distance_m=_FAR_M, goal_open=False) for m in marks)
         part = part_of(path, low_m, high_m) if climbs else path
-        crossed = doors_crossed(level, part, low_m, high_m)
+        crossed = [
+            replace(c, along_m=c.along_m + low_m)
+            for c in crossings_to_the_ends(level.regions, part)
+        ]
         stays = _visits(level, part, crossed, low_m, climbs[k].to_m if climbs[k:] else high_m)
         if visits:  # into the room at the other end of the stairs
             passages.append(PassageFact(low_m, visits[-1].room, stays[0].room, False, 0.0))
@@ -98,25 +100,6 @@ def _others(
 ) -> tuple[str, ...]:
     """Return the names of rooms near a point other than the one said, in order."""
     return tuple(sorted(rooms_near(shared.regions, shared.names, xy_m, reach_m) - {room}))
-
-
-def doors_crossed(
-    shared: LevelFacts, path: NDArray[np.float64], from_m: float, to_m: float
-) -> list[Crossing]:
-    """Return where a part of the path, `from_m` … `to_m`, passes a door frame, at its ends too.
-
-    Both ends are drawn out by half a metre: who stands just behind a frame is in the room behind
-    it, wherever the map draws the border of the two.
-    """
-    before, after = (onward(p, _BEYOND_M)[-1] for p in (path[::-1], path))
-    longer = np.vstack([before, path, after])
-    start_m = from_m - _BEYOND_M
-    crossed = (replace(c, along_m=c.along_m + start_m) for c in crossings(shared.regions, longer))
-    return [
-        c
-        for c in crossed
-        if c.along_m - from_m >= _BEHIND_FRAME_M and c.along_m <= to_m - _BEHIND_FRAME_M
-    ]
 
 
 def _passages(

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...formats.core.geometry import point_along
+from ...formats.core.geometry import onward
 from ...wayfinding.regions import RegionMap
 from .geometry import Array
 from .records import LandmarkFact, PassageFact, SightFact, TurnFact, ViewFact
@@ -13,7 +13,7 @@ _DECIDES_M = 0.5
 _FAR_M, _ASIDE_DEG = 6.0, 100.0
 _SEEN_PIXELS = 12
 _MIN_SIZE_M = 0.45
-_AHEAD_M, _STEP_M = 5.0, 0.1
+_AHEAD_M = 5.0
 
 
 def views_of(
@@ -66,11 +66,3 @@ def room_ahead(regions: RegionMap, names: Sequence[str], path_xy_m: Array) -> st
         if region >= 0 and region != own:
             return str(names[int(region)])
     return ""
-
-
-def onward(path_xy_m: Array, reach_m: float) -> Array:
-    """Return points (K, 2) [m] on the straight line from the end of a path (P, 2) [m]."""
-    length = float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())
-    step = path_xy_m[-1] - point_along(path_xy_m, max(0.0, length - 0.4))
-    step = step / max(float(np.linalg.norm(step)), 1e-9)
-    return path_xy_m[-1] + step * np.arange(_STEP_M, reach_m + 1e-6, _STEP_M)[:, None]

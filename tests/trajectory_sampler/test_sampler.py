@@ -17,6 +17,7 @@ from vlnpe.formats.scene.bundle import LabeledObject, SceneBundle, load_bundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.trajectory_sampler.config import SampleConfig
+from vlnpe.trajectory_sampler.level import visits
 from vlnpe.trajectory_sampler.sampling import LEAST_GAP_M, sample_episodes
 from vlnpe.trajectory_sampler.similarity import path_gap
 from vlnpe.trajectory_sampler.view import SceneView
@@ -189,6 +190,16 @@ def test_less_room_to_turn_lets_paths_end_nearer_to_obstacles(two_rooms):
     assert 0.3 <= min(least(end_clearance_m=0.3, seed=seed) for seed in range(6)) < 0.45
     # A robot is never asked to stand where it is too wide.
     assert least(end_clearance_m=0.1, robot_radius_m=0.4, seed=1) >= 0.4
+
+
+@pytest.mark.parametrize(("stop_x_m", "last"), [(4.3, "living room"), (3.7, "kitchen")])
+def test_rooms_reach_to_the_doorway_that_a_path_ends_in(two_rooms, stop_x_m, last):
+    regions = region_map(two_rooms, 0)
+    path = np.array([[1.0, 2.0, 0.0], [stop_x_m, 2.0, 0.0]])
+    there, back = visits(regions, path), visits(regions, path[::-1])
+    assert regions.names[there.rooms[-1]] == regions.names[back.rooms[0]] == last
+    assert [regions.names[room] for room in (there.rooms[0], back.rooms[-1])] == ["kitchen"] * 2
+    assert there.steps == back.steps == 0  # it does not go well into the room
 
 
 def test_a_single_room_gives_episodes_without_crossings(two_rooms, caplog):
