@@ -31,9 +31,12 @@ class InstructionChoice:
         texts = list(entry.instructions)
         if self.choice == OWN or len(texts) < 2:
             return texts[0]
-        name = f"{self.seed}/{self.epoch}/{entry.uid}".encode()
-        drawn = int.from_bytes(hashlib.blake2b(name, digest_size=8).digest())
-        return texts[drawn % len(texts)]
+        return texts[self.draw(entry, len(texts))]
+
+    def draw(self, entry: EpisodeEntry, count: int, purpose: str = "") -> int:
+        """Draw one of `count` numbers for an episode and pass; other purposes, other draws."""
+        name = f"{self.seed}/{self.epoch}/{entry.uid}{purpose}".encode()
+        return int.from_bytes(hashlib.blake2b(name, digest_size=8).digest()) % count
 
 
 OWN_TEXT = InstructionChoice()

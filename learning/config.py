@@ -118,6 +118,8 @@ class TrainConfig:
         unknown: part of the words that training replaces by the unknown word, so that it learns
             to cope with it; without effect on a pretrained encoder, which knows pieces of any word.
         instructions: `own`, a path's first instruction, or `any`, one drawn in every pass.
+        mirror: whether half of the walks, others in every pass, are mirrored: pictures, actions,
+            and the sides that an English instruction names.
         inflection: weight of a step whose action differs from the one before (VLN-CE: 3.2).
         waypoint_weight, stop_weight, progress_weight: weights of these losses beside the action's;
             `progress_weight` is CMA's progress monitor.
@@ -136,6 +138,7 @@ class TrainConfig:
     tokens: int = 80
     unknown: float = 0.1
     instructions: str = "own"
+    mirror: bool = False
     inflection: float = 3.2
     waypoint_weight: float = 1.0
     stop_weight: float = 0.3

@@ -16,6 +16,7 @@ from torch.nn.functional import pad
 from torch.utils.data import Dataset
 
 from ...datasets.episode_index import EpisodeEntry
+from ...datasets.mirror import mirror_item, mirror_text
 from ...datasets.sequences import EpisodeSequences
 from ...formats.core.atomic import atomic_file, file_digest
 from ...formats.core.errors import FileFormatError
@@ -45,6 +46,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
         images: Collection[str] = IMAGES,
         encoder: FrozenEncoder | None = None,
         language: TextEncoder | None = None,
+        *,
+        mirror: bool = False,
     ):
         """Keep the items of `sequences` in `folder`, which is created if missing.
 
@@ -53,9 +56,10 @@ class CachedSequences(Dataset[dict[str, Any]]):
             images: which of `rgb` and `depth` items have; the others are not read.
             encoder: items have its features of the RGB images, (T, C, 4, 4) float16, instead.
             language: `tokens` are its features of the instruction, (L, C) float16, instead.
+            mirror: whether half of the items, others in every pass, are mirrored.
         """
         self.sequences, self.folder = sequences, folder
-        self.encoder, self.language = encoder, language
+        self.encoder, self.language, self.mirror = encoder, language, mirror
         self.images = frozenset(images)
         self._choice = sequences.instruction_choice
         self._places: dict[int, tuple[EpisodeEntry, Path]] = {}  # of the items made or found
@@ -67,7 +71,7 @@ class CachedSequences(Dataset[dict[str, Any]]):
         return self.sequences.selection.digest
 
     def begin_pass(self, epoch: int) -> None:
-        """Draw other instructions from the next item on, where paths have several."""
+        """Draw other instructions, and other items to mirror, from the next item on."""
         self._choice = replace(self.sequences.instruction_choice, epoch=epoch)
 
     def __len__(self) -> int:
@@ -91,8 +95,10 @@ class CachedSequences(Dataset[dict[str, Any]]):
             ) from error
         if "depth" in item:
             item["depth"] = item["depth"].to(torch.float32) * DEPTH_STEP_M
-        tokens = self._tokens(self._choice.text(entry))
-        return item | {"tokens": tokens, "uid": entry.uid, "robot": entry.robot}
+        text = self._choice.text(entry)
+        if self.mirror and self._choice.draw(entry, 2, "mirror"):
+            item, text = mirror_item(item), mirror_text(text)
+        return item | {"tokens": self._tokens(text), "uid": entry.uid, "robot": entry.robot}
 
     def prepare(self, number: int) -> Path:
         """Make the item `number` unless that is done; return its file."""

@@ -63,13 +63,16 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
-    sources = [_cached(s.selection, tokens, planned, cache, choice) for s in plan.sources]
+    sources = [
+        _cached(s.selection, tokens, planned, cache, choice, mirror=config.mirror)
+        for s in plan.sources
+    ]
     chosen = [s.selection for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
     shares = plan.shares.tolist()
     more = []
     for name, selection in _more(request):
-        walks = _cached(selection, tokens, planned, cache, choice)
+        walks = _cached(selection, tokens, planned, cache, choice, mirror=config.mirror)
         share = 0.5
         if name == "augmented":
             share = len(walks) / (len(walks) + sum(len(s) for s in sources))
@@ -194,11 +197,14 @@ def _cached(
     planned: Planned,
     cache: Path,
     choice: InstructionChoice | None = None,
+    *,
+    mirror: bool = False,
 ) -> CachedSequences:
     config = planned.config
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
-    return CachedSequences(sequences, cache, config.model.inputs, planned.encoder, planned.language)
+    read = config.model.inputs
+    return CachedSequences(sequences, cache, read, planned.encoder, planned.language, mirror=mirror)
 
 
 def _some(episodes: CachedSequences, sources: int) -> CachedSequences:
