@@ -24,6 +24,7 @@ from .engine.signals import (
     interruptible,
     without_interrupts,
 )
+from .extras import check_extras
 from .options.command_line import COMPLETION, parsed, unknown_word
 from .store.address import store_url, without_password
 
@@ -195,6 +196,7 @@ def _run(arguments: Sequence[str]) -> int:
     try:
         with without_interrupts():  # its imports would swallow one that comes in a callback
             verb, options = parse(arguments)
+            check_extras(verb.name, options)
         if verb.name != "verify":  # which must read what the store holds now
             options = _with_local_inputs(options)
         if (seed := getattr(options, "seed", None)) is not None and seed < 0:

@@ -56,6 +56,7 @@ def examine(out: Path) -> list[Finding]:
         _extra("onnxruntime", ["onnx", "onnxruntime"]),
         _extra("s3", ["s3fs"]),
         _extra("ros2", ["rosbags"]),
+        _extra("view", ["viser"]),
         Finding("uv", uv is not None, uv or "not found"),
     ]
 

@@ -85,17 +85,20 @@ class UnknownNameError(InputError):
 
 
 class MissingExtraError(InputError):
-    """An optional dependency of vlnpe is not installed.
+    """Optional dependencies of vlnpe are not installed.
 
     Attributes:
-        user: The start of a sentence: what needs it.
-        extra: Its name in pyproject.toml.
+        user: The start of a sentence: what needs them.
+        extras: Their names in pyproject.toml.
     """
 
-    def __init__(self, user: str, extra: str):
-        self.user, self.extra = user, extra
-        command = setup_command([extra]) or f"{program()} doctor prints how to"
-        super().__init__(f"{user} needs the extra `{extra}`; to install it: {command}")
+    def __init__(self, user: str, *extras: str):
+        self.user, self.extras = user, extras
+        command = setup_command(extras) or f"{program()} doctor prints how to"
+        names, more = ", ".join(f"`{extra}`" for extra in extras), len(extras) > 1
+        needed = f"need the extras {names}" if more else f"needs the extra {names}"
+        what = "them" if more else "it"
+        super().__init__(f"{user} {needed}; to install {what}: {command}")
 
 
 class DivergedError(VlnpeError):

@@ -7,7 +7,7 @@ from ...collectors.controllers import controller_for
 from ...collectors.replay.replay import warnings_logged
 from ...collectors.replay.suits import check_suits
 from ...collectors.robots import RobotSpec
-from ...formats.core.errors import InputError, MissingExtraError
+from ...formats.core.errors import InputError
 from ...formats.core.rollout import HUMAN
 from ...instruction_gen.records import InstructConfig
 from ...rendering.camera.extras import Extras
@@ -45,10 +45,8 @@ def run(options: Drive) -> int:
     views = chosen_views("ego", options.light, options.renderer, robots[0], overrides)
     if len(views) != 1:
         raise InputError(f"--light {options.light}: a drive has one light")
-    try:
-        from ..drive.session import Session
-    except ModuleNotFoundError as missing:
-        raise MissingExtraError("vlnpe drive", "view") from missing
+    from ..drive.session import Session
+
     with open_context(options.out, options) as context:
         root = context.ledger.root
         robot = keep(robots[0], root)

@@ -3,12 +3,11 @@
 import contextlib
 import sys
 import threading
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ...formats.core.atomic import write_bytes
-from ...formats.core.errors import MissingExtraError, UnknownNameError
+from ...formats.core.errors import UnknownNameError
 from ...formats.scene.bundle import INDEX_NAME, load_bundle
 from ..inputs.walks import entries_of, scenes_beside
 from ..options.viewer import View
@@ -23,8 +22,6 @@ REPAIRED = Path("runs/view")  # scenes of scans that were looked at
 
 def run(options: View) -> int:
     """Serve the page until interrupted, or write it."""
-    if find_spec("viser") is None:
-        raise MissingExtraError("the viewer", "view")
     from ...viewer.gate import open_page
     from ...viewer.server import LocalServer, saved_page
 

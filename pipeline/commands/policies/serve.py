@@ -4,7 +4,7 @@ import sys
 
 from ....evaluation.policies.names import MAPS, MODEL_POLICIES, ORACLE
 from ....evaluation.policies.registry import resolve_policy
-from ....formats.core.errors import InputError, MissingExtraError
+from ....formats.core.errors import InputError
 from ....learning.card import read_card
 from ...options.evaluate import Serve
 
@@ -25,10 +25,8 @@ def run(options: Serve) -> int:
         )
     if not 0 <= options.port <= MOST_PORTS:
         raise InputError(f"--port {options.port}; valid: 0 to {MOST_PORTS}")
-    try:
-        from ....evaluation.http.server import DualServer, listening
-    except ModuleNotFoundError as error:
-        raise MissingExtraError("vlnpe serve", "evaluate") from error
+    from ....evaluation.http.server import DualServer, listening
+
     policy.identity()  # a damaged checkpoint is said before anything listens
     path = policy.checkpoint
     needs_pose = path is not None and read_card(path)[0].config.model.name == "rdp"

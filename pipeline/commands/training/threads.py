@@ -2,7 +2,6 @@
 
 import os
 
-from ....formats.core.errors import MissingExtraError
 from ....formats.process.threads import available_cores
 
 
@@ -11,8 +10,6 @@ def start_torch(threads: int) -> None:
     count = threads or available_cores()
     # Torch reads it once, when it is imported.
     os.environ.setdefault("OMP_NUM_THREADS", str(count))
-    try:
-        import torch
-    except ImportError as error:
-        raise MissingExtraError("training", "train") from error
+    import torch
+
     torch.set_num_threads(count)

