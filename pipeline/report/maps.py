@@ -5,6 +5,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
 REFERENCE_STEP_M = 0.25  # so finely the reference path is divided between levels
 CONTACT = "contact"  # kind of the event at which a part begins to touch an obstacle
+MOST_LAYERS = 6  # one for each colour
 MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
 ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
@@ -111,13 +113,17 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     robots, several = paths.robots, len(paths.robots) > 1
     colors = robots if several else _colored(list(by_path))
     width = max(2.0, 0.06 * scale)
+    numbers = [list(robots).index(track.robot) for track in tracks]
+    layers = numbers if several else _layers([pixels(t.base_m) for t in tracks], 2.0 * width)
+    deepest = max(layers, default=0)
     lines, crosses = [], []
-    for track in tracks:
-        number = list(robots).index(track.robot)
+    # Where walks share their way, each line above is thinner and leaves those beneath visible.
+    for layer, number, track in sorted(
+        zip(layers, numbers, tracks, strict=True), key=itemgetter(0)
+    ):
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
         walked, on = pixels(track.base_m), track.episode.levels_along(track.base_m) == here
-        # Where robots walk the same way, the later one's thinner line leaves the others visible.
-        own = 1.6 * width * (1.0 - number / len(robots))
+        own = width * (0.8 + 0.9 * (deepest - layer))
         color = colors[track.robot if several else track.path]
         for part in _parts(walked, on):
             lines.append({**_line(part, color, own, title), "robot": number})
@@ -171,6 +177,25 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
         "crosses": crosses,
         "cross_color": BAD,
     }
+
+
+def _layers(tracks: Sequence[NDArray[np.float64]], cell: float) -> list[int]:
+    """Return the number of a layer for each track (N, 2), another one than those it runs along.
+
+    Args:
+        cell: tracks run along each other where they share squares of this side, more than where
+            one crosses the other.
+    """
+    covered = [set(map(tuple, (track // cell).astype(int).tolist())) for track in tracks]
+    layers: list[int] = []
+    for squares in covered:
+        along = {
+            layer
+            for layer, others in zip(layers, covered, strict=False)
+            if len(squares & others) > 3
+        }
+        layers.append(min(set(range(MOST_LAYERS)) - along, default=len(layers) % MOST_LAYERS))
+    return layers
 
 
 def _parts(points: NDArray[np.float64], on: NDArray[np.bool_]) -> Iterator[NDArray[np.float64]]:

@@ -98,10 +98,30 @@ def test_the_map_tells_paths_or_robots_apart_and_no_marker_covers_another(tmp_pa
         assert np.hypot(a["x"] - b["x"], a["y"] - b["y"]) > a["r"] + b["r"]
 
 
-def test_a_path_over_storeys_is_on_the_maps_of_both(tmp_path):
+@pytest.fixture
+def a_map(tmp_path):
     Image.new("RGB", (200, 200)).save(tmp_path / "map.png")
     place = {"left_m": 0.0, "top_m": 5.0, "px_per_m": 20.0, "width": 200, "height": 200}
     (tmp_path / "map.json").write_text(json.dumps(place))
+    return tmp_path / "map.png"
+
+
+def test_no_path_hides_one_that_it_shares_its_way_with(a_map):
+    ways = {"p3": [(0, 0), (8, 0)], "p4": [(1, 0), (9, 0)], "p5": [(9, 0), (2, 0)]}
+    ways["p6"] = [(4, -4), (4, 4)]  # crosses the others
+    episodes = {f"{k}@0": episode_along(way, k, scene="home") for k, way in ways.items()}
+    tracks = tuple(
+        Track(path, e, "home", "aliengo", resample(e.reference_path_world_m, 0.05), "success")
+        for path, e in episodes.items()
+    )
+    lines = map_figure("home/0", a_map, ScenePaths(episodes, tracks))["lines"][: len(ways)]
+    assert len({line["color"] for line in lines}) == len(ways)
+    widths = {line["title"].split()[0]: line["width"] for line in lines}
+    assert [*widths.values()] == sorted(widths.values(), reverse=True)  # thin ones on top
+    assert widths["p6"] == widths["p3"] > widths["p4"] > widths["p5"]
+
+
+def test_a_path_over_storeys_is_on_the_maps_of_both(a_map):
     up = np.array([[1.0, 1, 0], [4, 1, 0], [7, 1, 2.8], [9, 1, 2.8]])
     flat = episode_along([(0, 0), (3, 1)], "p7", scene="home")
     episode = replace(
@@ -114,8 +134,7 @@ def test_a_path_over_storeys_is_on_the_maps_of_both(tmp_path):
     base = resample(up, 0.05) + np.array([0.0, 0.0, 0.36])
     tracks = (Track("p7@0", episode, "home", "aliengo", base, "stopped_far"),)
     low, high = (
-        map_figure(f"home/{k}", tmp_path / "map.png", ScenePaths({"p7@0": episode}, tracks))
-        for k in (0, 1)
+        map_figure(f"home/{k}", a_map, ScenePaths({"p7@0": episode}, tracks)) for k in (0, 1)
     )
     assert [dot["title"] for dot in low["dots"]] == ["start of p7"]
     assert [dot["title"] for dot in high["dots"]] == ["goal of p7"]
