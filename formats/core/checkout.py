@@ -37,9 +37,14 @@ def find_uv(tool: str = "uv") -> str | None:
     return shutil.which(tool) or (str(own) if own.is_file() else None)
 
 
-def program() -> str:
-    """Return how a shell in this folder finds vlnpe; its environment may not be active."""
+def program(*, anywhere: bool = False) -> str:
+    """Return how a shell in this folder, or in any, finds vlnpe; its environment may not be active.
+
+    One in this folder has the `PATH` of this process.
+    """
     own = Path(sys.executable).with_name("vlnpe")
+    if anywhere and own.is_file():
+        return shlex.quote(str(own))
     if shutil.which("vlnpe") or not own.is_file():
         return "vlnpe"
     return str(own.relative_to(Path.cwd()) if own.is_relative_to(Path.cwd()) else own)

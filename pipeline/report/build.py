@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from ...formats.core.checkout import program
 from ...formats.trainers.answers import KINDS
 from ..engine.ledger import Ledger, Row
 from ..stages.episodes.align_items import filter_lines
@@ -34,6 +35,7 @@ def build_page(root: Path, pictures: Pictures) -> str:
     return rendered_page(
         "page.html.j2",
         title=root.name,
+        program=program(anywhere=True),
         robots=sorted({r.robot for r in robots}),
         colors=paths.robots,
         cards=_cards(rows, robots, quarantine),
