@@ -59,7 +59,7 @@ def run(
             check_source(target, name, read_episode_unit(root / first.outputs[0]))
             _warn_of_doubts(rows)
             if source.kind == Kind.ROS2:
-                _warn_of_texts([read_episode_unit(root / row.outputs[0]) for row in rows.values()])
+                _warn_of_texts(rows)
             if target in LAYOUTS:
                 groups.setdefault(group_name(target, name), {}).update(rows)
                 continue
@@ -120,14 +120,14 @@ def _warn_of_doubts(rows: Mapping[str, Row]) -> None:
         )
 
 
-def _warn_of_texts(walks: Sequence[EpisodeUnit]) -> None:
+def _warn_of_texts(rows: Mapping[str, Row]) -> None:
     """Warn of walks of robots' logs without an instruction."""
-    if silent := sum(not walk.task for walk in walks):
+    if silent := sum(not row.facts["has_text"] for row in rows.values()):
         log.warning(
             "%d of %d walks have no instruction: --instruction gives texts, which `vlnpe review` "
             "of the output folder writes",
             silent,
-            len(walks),
+            len(rows),
         )
 
 

@@ -88,7 +88,8 @@ class LogUnitJob:
         facts = DatasetFacts(self.name, options.licence, provenance)
         told = facts.to_json() | {LOG_KEY: bag_name(self.path)}
         (self.out / DATASET_NAME).write_text(json.dumps(told))
-        return ItemResult(unit_facts(self.out, self.path))
+        spoken = {"has_text": bool(self.span.instruction)}
+        return ItemResult(unit_facts(self.out, self.path) | spoken)
 
 
 @dataclass(frozen=True)
