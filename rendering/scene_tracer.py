@@ -23,7 +23,7 @@ from .light.scene_light import light_arrays, with_lamp
 from .scene.arrays import scene_arrays
 from .scene.textures import MaterialTable
 
-MIN_CONTRAST = 18  # sRGB bytes; a smaller step is not seen as aliasing
+MIN_CONTRAST = 24  # sRGB bytes; a smaller step is not seen as aliasing
 EDGE_BEND = 0.4  # creases sharper than about 25° count as edges
 
 
@@ -139,8 +139,9 @@ class SceneTracer:
         width, height, focal = camera.width_px, camera.height_px, camera.focal_px
         marked = np.zeros(width * height, dtype=np.bool_)
         find_edges(
-            rgb, hits.depth, hits.surface, width, height, EDGE_BEND / focal, MIN_CONTRAST, marked
-        )
+            rgb, hits.depth, hits.surface, hits.prim,
+            width, height, EDGE_BEND / focal, MIN_CONTRAST, marked,
+        )  # fmt: skip
         if skip is not None:
             marked &= ~skip
         order = self.pixel_order(camera)

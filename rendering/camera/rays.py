@@ -5,8 +5,9 @@ import numpy as np
 from ...formats.core.arrays import F32, I32, Array
 from ...formats.process.kernel import kernel
 
-# Samples around the centre, whose ray is traced anyway: all four differ in row and in column.
-SUBPIXELS = np.array([[-0.14, -0.36], [0.38, 0.06], [-0.24, 0.34]], dtype=np.float32)
+# Samples around the centre, whose ray is traced anyway. Of 7,000 such triples the one whose mean
+# comes closest to what straight edges cover, half of them upright or level, half at any angle.
+SUBPIXELS = np.array([[0.385, 0.134], [-0.116, -0.384], [-0.339, 0.33]], dtype=np.float32)
 
 
 @kernel(3)

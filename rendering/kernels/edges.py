@@ -23,6 +23,7 @@ def find_edges(
     rgb: U8,
     depth: F32,
     surface: I32,
+    prim: I32,
     width: int,
     height: int,
     relative_bend: float,
@@ -39,6 +40,7 @@ def find_edges(
         rgb: (N, 3) uint8 sRGB of the pixels' centres.
         depth: (N,) planar depth, 0 = nothing.
         surface: (N,) id of what was hit (material, robot, nothing).
+        prim: (N,) triangle that was hit, −1 = not known; there is no edge inside one.
         width: image width [px].
         height: image height [px].
         relative_bend: second difference of inverse depth, relative to it, that counts as a bend.
@@ -53,6 +55,9 @@ def find_edges(
             for column in range(columns):
                 i = np.uint64(row * width + column)
                 j = i + step
+                in_scene = surface[i] >= 0 and surface[j] >= 0
+                if in_scene and prim[i] == prim[j] and prim[i] >= 0:
+                    continue
                 if _contrast(rgb, i, j) < min_contrast:
                     continue
                 edge = surface[i] != surface[j]
