@@ -25,7 +25,7 @@ _LONG_THINGS = frozenset(("bed", "bench", "counter", "desk", "sideboard", "sofa"
 _PLAIN_TURNS = frozenset(("turn", "again", "slight", "sharp", "jog", "twice"))
 # Events that name one thing, but not its side.
 _STOPS_BY_ONE = frozenset(("stop_front", "stop_beside", "stop_close", "stop_in_by"))
-_BY_ONE = _STOPS_BY_ONE | {
+_BY_ONE = _STOPS_BY_ONE - {"stop_in_by"} | {
     "facing", "behind", "turn_at", "turn_beside", "to_thing", "turn_before", "turn_to",
     "turn_after", "turn_enter_at", "cue", "enter_see", "enter_turn_to", "pass", "goal_thing",
 }  # fmt: skip

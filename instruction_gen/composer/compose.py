@@ -19,7 +19,6 @@ from .along import (
     with_neighbours,
 )
 from .grammar import Phrase, is_hall, pick
-from .moves import ambiguous
 from .names import Names
 from .realize import Usage, realize
 from .records import PLANS, TASTES, Event, Taste, explicit
@@ -60,8 +59,6 @@ def compose_texts(
         Their attempts are how many drafts were checked.
     """
     usage = Usage() if usage is None else usage
-    if reason := ambiguous(ground.facts):
-        return [], [reason]
     chosen: list[_Draft] = []
     problems: list[str] = []
     for number in range(count):
@@ -127,7 +124,7 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
 
 def _may_do(text: WrittenText, said: Collection[str]) -> bool:
     """Return whether a draft is new and not far too long, as one that tells all may be."""
-    return text.text not in said and len(text.text.split()) <= 2 * WORDS[text.style][1]
+    return text.text not in said and len(text.text.split()) <= 3 * WORDS[text.style][1]
 
 
 def _problems(text: WrittenText, ground: Ground, rivals: Rivals | None) -> list[str]:

@@ -153,7 +153,7 @@ def drafts(
         along = onward or before.event.kind in _TURNS
     barred = {"&": not along or after == "&", "+": not onward, "^": after == "^",
               "<": after == "^", ".": after == "^"}  # fmt: skip
-    fit = [p for p in rule if not barred.get(p.joint)]
+    fit = [p for p in rule if not barred.get(p.joint)] or rule
     options = [p for p in fit if voice in p.voices] or fit
     fine: list[Clause] = []
     odd: list[Clause] = []

@@ -138,14 +138,3 @@ def moves(facts: PathFacts) -> list[Move]:
             result.append(Move(turn.along_m, turn))
     result += [Move(p.along_m, passage=p) for p in passages]
     return sorted(result, key=lambda m: m.along_m)
-
-
-def ambiguous(facts: PathFacts) -> str:
-    """Return why no text can say which doorway is meant, "" where every one can be told."""
-    for passage in facts.passages:
-        if passage.alike and passage.side and not (passage.doorway or passage.beside):
-            return (
-                f"{passage.alike + 1} openings of the {passage.from_room or 'room'} lead to a "
-                f"{passage.to_room}, and nothing tells them apart"
-            )
-    return ""

@@ -57,7 +57,16 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
             led = None if move.climb or move.passage else _led(move, upto_m, facts, names, taste)
             result.append(led or tell(move, gap, facts, names, taste))
     result = with_end([off_stairs(event, facts) for event in result], names.rng)
-    return [_again(event, before) for before, event in pairwise([None, *result]) if event]
+    pairs = [(before, event) for before, event in pairwise([None, *result]) if event]
+    return [_again(event, before) for before, event in pairs if not _goes_on(event, before)]
+
+
+def _goes_on(event: Event, before: Event | None) -> bool:
+    """Return whether a slight bend only goes on with the one before."""
+    return before is not None and (event.kind, event.s) == (before.kind, before.s) == (
+        "slight",
+        event.s,
+    )
 
 
 def _from_stairs(todo: list[Move], facts: PathFacts) -> list[Move]:

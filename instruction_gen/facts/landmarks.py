@@ -15,7 +15,7 @@ from .records import LandmarkFact, Moment
 
 NEAR_M = 3.0  # a thing this near, with no wall between, is beside the path
 _MIN_SIZE_M = 0.45
-_BESIDE_M = 0.5
+_BESIDE_M, _UPON_M = 0.5, 0.05
 _TOP_M, _BOTTOM_M = 0.25, 1.3  # a landmark rises above the first and begins below the second
 _MIN_PIXELS = 40  # of 128 × 96
 _MAX_OCCLUDED = 0.8
@@ -106,8 +106,9 @@ def _landmark(
 def _beside(shared: LevelFacts) -> list[str]:
     """Return for each thing the nearest large one of another noun right beside it, "" = none."""
     low, high = shared.low_m, shared.high_m
-    gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None]).clip(0.0)
-    gap = np.linalg.norm(gap, axis=-1)
+    gap = np.maximum(low[:, None] - high[None], low[None] - high[:, None])
+    upon = (gap < -_UPON_M).all(axis=-1)  # as a television stands on its stand
+    gap = np.where(upon, np.inf, np.linalg.norm(gap.clip(0.0), axis=-1))
     result = []
     for n, noun in enumerate(shared.nouns):
         others = [

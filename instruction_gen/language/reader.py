@@ -120,6 +120,11 @@ class _Reader:
         before = self.sentence[-1] if self.sentence else clause
         if not (_is_far(before) or _is_far(clause)):
             return
+        if _is_far(clause):  # "if you turn left and enter the hall, you've gone too far"
+            begun = next((k for k, c in enumerate(self.sentence) if c.until), len(self.sentence))
+            before.until |= begun < len(self.sentence)
+            for supposed in self.sentence[begun:-1]:
+                supposed.claims = []
         for end in (clause, before):
             told = end.last is not None and end.last.what == "room" and end.last.kind in _COMES
             if told and (_is_far(end) or end.until):

@@ -476,6 +476,7 @@ def test_what_words_refer_to_is_read(text, claim):
         ("Stop outside the kitchen without entering it.", "stop"),
         ("Stop on the kitchen threshold without going in.", "stop avoid"),
         ("Turn left and stop. If you come to the hall, you've gone too far.", "turn stop avoid"),
+        ("Stop. If you turn left and enter the hall, you've gone too far.", "stop avoid"),
         # The side of a thing in no table is no turn.
         ("With the gizmo over on your right, turn left and stop.", "turn stop"),
         # How many things are carried says nothing of the place.
