@@ -26,7 +26,7 @@ from .steps import move_events
 from .stop import stop_events
 
 DRAFTS = 24  # written for each text, the best is taken
-WORDS = {"terse": (5, 8), "natural": (18, 24), "rich": (36, 48)}
+WORDS = {"terse": (5, 8), "natural": (18, 23), "rich": (36, 48)}
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.
 _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
@@ -124,7 +124,7 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
 
 def _may_do(text: WrittenText, said: Collection[str]) -> bool:
     """Return whether a draft is new and not far too long, as one that tells all may be."""
-    return text.text not in said and len(text.text.split()) <= 3 * WORDS[text.style][1]
+    return text.text not in said and len(text.text.split()) <= 2.5 * WORDS[text.style][1]
 
 
 def _problems(text: WrittenText, ground: Ground, rivals: Rivals | None) -> list[str]:
