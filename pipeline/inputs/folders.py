@@ -57,6 +57,8 @@ def scenes_in(folder: Path) -> dict[str, Path]:
     indices = sorted(folder.glob(f"*/{INDEX_NAME}"))
     result = {p.parent.name: p.parent for p in indices if not p.parent.name.startswith(".")}
     if not result:
+        if not folder.is_dir():
+            raise InputError(f"{folder}: no such folder")
         raise InputError(f"{folder}: contains no repaired scene; run `{program()} repair` first")
     return result
 

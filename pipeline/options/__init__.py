@@ -12,6 +12,7 @@ from typing import Any
 
 from ...formats.core.errors import InputError, did_you_mean
 
+MOST_PORTS = 65535
 _COMPARED = 1000  # names in a folder that a missing one is compared with
 
 
@@ -32,6 +33,18 @@ def check_given(episodes: Sequence[Path]) -> None:
     """Raise InputError if a command that reads episode files was given none."""
     if not episodes:
         raise InputError("no episode file; valid: one or more VLN-CE files (.json or .json.gz)")
+
+
+def check_is_no_folder(option: str, path: Path | None) -> None:
+    """Raise InputError if an option names a folder as the file to write."""
+    if path is not None and path.is_dir():
+        raise InputError(f"{option} {path}: is a folder; valid: a file")
+
+
+def check_port(port: int) -> None:
+    """Raise InputError if there is no such port."""
+    if not 0 <= port <= MOST_PORTS:
+        raise InputError(f"--port {port}; valid: 0 to {MOST_PORTS}")
 
 
 def check_numbers(options: Any, least: int, *names: str) -> None:

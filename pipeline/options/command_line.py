@@ -2,7 +2,7 @@
 
 import math
 import shlex
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, field, fields, make_dataclass
 from inspect import get_annotations
 from itertools import pairwise
@@ -152,6 +152,10 @@ def _check_values(command: str, words: Sequence[str], record: type) -> None:
     Tyro answers these with a box of many lines. What is not checked here is left to it.
     """
     kinds = {_option(f): (f.type, *get_args(f.type)) for f in fields(record) if _option(f)}
+    numbers = [f.name for f in fields(record) if not _option(f) and int in get_args(f.type)]
+    for name, value in zip(numbers, _positional(words, kinds), strict=False):
+        if not _is(int, value):
+            raise InputError(f"{name.upper()} {brief(value)}: not a whole number")
     for word, following in pairwise([*words, ABSENT]):
         option, separator, value = word.partition("=")
         option, value = option.replace("_", "-"), value if separator else following
@@ -167,6 +171,19 @@ def _check_values(command: str, words: Sequence[str], record: type) -> None:
             raise InputError(f"{option} {brief(value)}: not a whole number")
         if float in of and not _is(float, value):
             raise InputError(f"{option} {brief(value)}: not a number")
+
+
+def _positional(words: Sequence[str], kinds: Mapping[str, tuple[Any, ...]]) -> Iterator[str]:
+    """Yield the words that are neither an option nor the value of one."""
+    is_value = False
+    for word in words:
+        if word.startswith("-"):
+            of = kinds.get(word.replace("_", "-"), ())  # none, if its value follows a `=`
+            is_value = bool(of) and bool not in of
+        elif not is_value:
+            yield word
+        else:
+            is_value = False
 
 
 def _is(kind: type[int] | type[float], text: str) -> bool:

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from ...formats.core.errors import InputError
-from . import check_numbers, must_exist
+from . import check_numbers, check_port, must_exist
 from .running import Running
 from .shared import DiscreteActions, Mounting, Printing
 
@@ -157,6 +157,10 @@ class Serve:
     """Instruction for requests that have none (InternNav's own client sends none)."""
     seed: int = 0
     """Random seed."""
+
+    def check(self) -> None:
+        """Raise InputError if there is no such port."""
+        check_port(self.port)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import tyro
 
+from . import check_is_no_folder, check_port, must_exist
 from .shared import Parallel, Wording
 
 
@@ -34,6 +35,12 @@ class Instruct(Wording, Parallel):
     max_failed: int = 0
     """Maximum number of episodes without a valid instruction; exit with code 1 above it."""
 
+    def check(self) -> None:
+        """Raise InputError if an input is missing or an output is a folder."""
+        must_exist(self.episodes, self.scenes)
+        check_is_no_folder("--out", self.out)
+        check_is_no_folder("--facts", self.facts)
+
 
 @dataclass(frozen=True)
 class CheckText:
@@ -48,6 +55,10 @@ class CheckText:
     json: bool = False
     """Print one JSON object as the last line: {"texts": [{"path", "text", "refused", "problems",
     "unchecked"}, ...]}."""
+
+    def check(self) -> None:
+        """Raise InputError if a file or folder is missing."""
+        must_exist(self.episodes, self.texts, self.scenes)
 
 
 @dataclass(frozen=True)
@@ -66,3 +77,9 @@ class Review:
     """Port of the page; 0 selects a free one."""
     open: bool = False
     """Open the page in the default browser."""
+
+    def check(self) -> None:
+        """Raise InputError if an input is missing, or an output or the port is impossible."""
+        must_exist(self.run, self.scenes)
+        check_is_no_folder("--decisions", self.decisions)
+        check_port(self.port)

@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from ...formats.core.errors import InputError, check_name
-from . import check_numbers, must_exist
+from . import check_is_no_folder, check_port, must_exist
 from .running import Running
 from .shared import Mounting, Orientation, Printing
 
@@ -61,7 +61,7 @@ class Drive(Mounting, Running):
     def check(self) -> None:
         """Raise InputError if a file is missing or an option is out of range."""
         must_exist(self.episodes)
-        check_numbers(self, 0, "port")
+        check_port(self.port)
         check_name("actions", self.actions, (VELOCITY, "discrete"))
         if self.split and self.episodes is None:
             raise InputError(f"--split {self.split} needs --episodes")
@@ -89,3 +89,9 @@ class View(Orientation, Printing):
     """Port of the page; 0 takes any that is free."""
     open: bool = True
     """Open the page in the browser."""
+
+    def check(self) -> None:
+        """Raise InputError if an input is missing, or an output or the port is impossible."""
+        must_exist(self.what, self.scenes)
+        check_is_no_folder("--save", self.save)
+        check_port(self.port)

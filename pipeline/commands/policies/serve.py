@@ -8,8 +8,6 @@ from ....formats.core.errors import InputError
 from ....learning.card import read_card
 from ...options.evaluate import Serve
 
-MOST_PORTS = 65535
-
 
 def run(options: Serve) -> int:
     """Serve until interrupted.
@@ -23,8 +21,6 @@ def run(options: Serve) -> int:
             f"{policy.name} cannot be served: it needs more than images and words; "
             "valid: a learned policy, random, forward, stop"
         )
-    if not 0 <= options.port <= MOST_PORTS:
-        raise InputError(f"--port {options.port}; valid: 0 to {MOST_PORTS}")
     from ....evaluation.http.server import DualServer, listening
 
     policy.identity()  # a damaged checkpoint is said before anything listens

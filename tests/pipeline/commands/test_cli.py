@@ -163,6 +163,7 @@ def test_no_command_exits_with_code_2(capsys: pytest.CaptureFixture[str]) -> Non
         (["collect", "--seed=abc"], "--seed 'abc': not a whole number"),
         (["collect", "--max-turning-deg", "wide"], "--max-turning-deg 'wide': not a number"),
         (["collect", "--robot-radius-m", "nan"], "--robot-radius-m 'nan': not a number"),
+        (["scan", "--exact", "--out", "x", "villa"], "SEED 'villa': not a whole number"),
     ],
 )
 def test_a_value_that_is_missing_or_no_number_is_named(
@@ -171,6 +172,30 @@ def test_a_value_that_is_missing_or_no_number_is_named(
     assert main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(f"vlnpe: error: {said}")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("review nowhere", "nowhere: no such file or folder"),
+        ("view nowhere", "nowhere: no such file or folder"),
+        ("instruct . --scenes nowhere", "nowhere: no such file or folder"),
+        ("check-text . --texts nowhere.jsonl", "nowhere.jsonl: no such file or folder"),
+        ("instruct . --out .", "--out .: is a folder; valid: a file"),
+        ("view . --save .", "--save .: is a folder; valid: a file"),
+        ("review . --port 65536", "--port 65536; valid: 0 to 65535"),
+        ("view . --port -1", "--port -1; valid: 0 to 65535"),
+        ("drive builtin --port 65536", "--port 65536; valid: 0 to 65535"),
+        ("serve random --port 65536", "--port 65536; valid: 0 to 65535"),
+    ],
+)
+def test_a_path_or_port_that_cannot_be_is_named_before_anything_is_done(
+    words: str, said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(words.split()) == 2
+    assert capsys.readouterr().err == f"vlnpe: error: {said}\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_misspelt_command_suggests_the_closest(capsys: pytest.CaptureFixture[str]) -> None:
