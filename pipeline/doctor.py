@@ -126,6 +126,8 @@ def _disk(out: Path) -> Finding:
     folder = out.absolute()
     while not folder.exists():
         folder = folder.parent
+    if not folder.is_dir():
+        return Finding("disk", False, f"{folder} is a file: choose another --out")
     free = shutil.disk_usage(folder).free / 1024**3
     writable = os.access(folder, os.W_OK)
     seen = f"{free:.1f} GiB free at {folder}" + (

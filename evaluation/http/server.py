@@ -1,9 +1,11 @@
 """Serve one of our policies as InternNav serves its models; see `wire`."""
 
+import io
 import json
 import logging
 import math
 import threading
+from contextlib import redirect_stderr
 from typing import Any
 
 import numpy as np
@@ -97,4 +99,9 @@ def listening(server: DualServer, host: str, port: int) -> BaseWSGIServer:
     Raises:
         OSError: the address is in use, or is not this machine's.
     """
-    return make_server(host, port, server, threaded=True)
+    said = io.StringIO()
+    try:
+        with redirect_stderr(said):
+            return make_server(host, port, server, threaded=True)
+    except SystemExit as ended:  # werkzeug says why and ends the process
+        raise OSError(said.getvalue().partition("\n")[0]) from ended

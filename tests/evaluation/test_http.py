@@ -158,6 +158,8 @@ def test_depth_and_colours_survive_the_form() -> None:
 @pytest.fixture
 def served() -> Iterator[str]:
     server = listening(DualServer(Forward()), "127.0.0.1", 0)
+    with pytest.raises(OSError, match="in use"):
+        listening(DualServer(Forward()), "127.0.0.1", server.server_port)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()

@@ -51,6 +51,11 @@ def run(options: Benchmark) -> int:
     """Evaluate every cell and write the table; return the exit code."""
     cells = _cells(options)
     published = SETS.get(str(options.episodes))
+    if options.out and not published:
+        raise InputError(
+            f"--out {options.out}: results of a run go to its own {FOLDER}/; valid: "
+            f"with {' or '.join(SETS)} alone"
+        )
     folder = options.out or Path("runs") / options.episodes if published else options.episodes
     if published:
         _prepare(published, folder, options)

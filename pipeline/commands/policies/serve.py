@@ -29,8 +29,11 @@ def run(options: Serve) -> int:
     app = DualServer(policy.make(options.seed), options.instruction, needs_pose=needs_pose)
     try:
         server = listening(app, options.host, options.port)
-    except (OSError, SystemExit) as error:
-        raise InputError(f"{options.host}:{options.port} cannot be listened on: {error}") from error
+    except OSError as error:
+        raise InputError(
+            f"--host {options.host} --port {options.port}: cannot be listened on ({error}); valid: "
+            "an address of this machine, 0.0.0.0 for all, and a free port"
+        ) from error
     address = f"http://{options.host}:{server.server_port}"
     sys.stdout.write(f"serving {policy.name} on {address}; POST /eval_dual\n")
     sys.stdout.flush()

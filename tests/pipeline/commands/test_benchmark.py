@@ -61,6 +61,7 @@ def test_every_policy_meets_every_robot_that_its_controller_can_drive(run, capsy
         (["--policy", "guess"], "policy 'guess'"),
         (["--controller", "path"], "controller of a benchmark 'path'"),
         (["--split", "test"], "split 'test'"),
+        (["--out", "elsewhere"], "--out elsewhere: results of a run go to its own benchmark/"),
         (["--policy", "stop,"], "contains an empty name"),
     ],
 )

@@ -71,6 +71,9 @@ def test_prints_one_line_per_finding(capsys: pytest.CaptureFixture[str], tmp_pat
     assert "ok  renderer embree" in text
     assert "renderer gl" not in text  # no such renderer
     assert not out.parent.parent.exists()
+    (tmp_path / "file").touch()
+    assert main(["doctor", "--out", str(tmp_path / "file")]) == 0
+    assert f"{tmp_path / 'file'} is a file: choose another --out" in capsys.readouterr().out
 
 
 def test_json_is_one_object(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
