@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ...formats.convert.episodes import DATASET_NAME, LOG_KEY
 from ...formats.core.checkout import program
-from ...formats.core.errors import InputError
+from ...formats.core.errors import InputError, check_name
 from ...formats.lerobot import read_episode_unit
 from ...formats.untrusted.documents import read_json_object
 from ...formats.vlnce.files import read_episodes
@@ -18,6 +18,7 @@ from ...instruction_gen.review.server import make_server
 from ..context import LEDGERS
 from ..engine.run_folder import RunFolder, SightFiles
 from ..inputs.episode_file import scenes_of
+from ..inputs.folders import scenes_in
 from ..options.instructions import Review as ReviewOptions
 from ..stages.datasets.reviewed import REVIEW_NAME
 from ..stages.instructions.instruct_job import read_sights
@@ -88,6 +89,9 @@ def opened(options: ReviewOptions) -> Review:
             f"{source}: contains no episodes with instructions; run `{program()} collect` first"
         )
     episodes = [episode for path in files for episode in read_episodes(path)]
+    known = scenes_in(scenes)
+    for scene in sorted({episode.scene_id for episode in episodes}):
+        check_name(f"scene of {scenes}", scene, known)
     films = {
         episode.trajectory_id: film
         for episode in episodes

@@ -17,6 +17,7 @@ from tests.support.episodes import episode_along
 from tests.support.misbehaving_server import Server, completion
 from tests.support.runs.work import InlineWorkers
 from vlnpe.collectors.robots import get_robot
+from vlnpe.formats.core.errors import InputError
 from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.vlnce.files import read_episodes, write_episodes
 from vlnpe.instruction_gen.instruct import instruct_episodes
@@ -101,6 +102,15 @@ def test_a_run_of_several_files_is_reviewed_by_what_the_camera_saw(
         facts = review.ground(name).facts
         assert facts.camera is not None
         assert any(mark.max_pixels for mark in facts.landmarks)
+
+
+def test_a_review_needs_the_scenes_of_its_paths(scenes: Path, tmp_path: Path) -> None:
+    told = tmp_path / "told.json.gz"
+    paths = [replace(episode_along(EAST, name, scene=name), instruction="Go.") for name in "ab"]
+    write_episodes(told, paths)
+    for folder, said in ((tmp_path, "contains no repaired scene"), (scenes, "'a'; valid: two_r")):
+        with pytest.raises(InputError, match=said):
+            opened(Review(told, scenes=folder))
 
 
 @pytest.mark.parametrize(("show", "replace_"), [(1, False), (1, True), (0, True), (9, False)])
