@@ -90,7 +90,7 @@ class DualServer:
         self._policy.reset(Assignment("http", "robot", text, "robot", "robot"))
 
 
-def listening(server: DualServer, host: str, port: int) -> BaseWSGIServer:
+def listen(server: DualServer, host: str, port: int) -> BaseWSGIServer:
     """Return a server that listens; `serve_forever` runs it.
 
     Args:

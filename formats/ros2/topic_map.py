@@ -54,8 +54,8 @@ class TopicMap:
     min_episode_s: float = 1.0
 
     @property
-    def own_of_depth(self) -> str:
-        """Topic of depth's own CameraInfo, perhaps guessed; empty where that has no folder."""
+    def depth_info_topic(self) -> str:
+        """Topic of depth's own CameraInfo: as given, or in the folder of its images, if any."""
         image = self.depth.removesuffix("/compressed").removesuffix("/compressedDepth")
         folder = image.rpartition("/")[0]
         return self.depth_info or (f"{folder}/camera_info" if folder else "")

@@ -65,7 +65,7 @@ def read_tracks(path: Path, topics: TopicMap) -> Tracks:
     log = _Log(path, topics)
     required = (topics.odometry, topics.color, topics.camera_info)
     required += (topics.depth_info,) if topics.depth_info else ()
-    kinds: dict[str, tuple[str, ...]] = {topics.own_of_depth: KINDS["camera_info"]}
+    kinds: dict[str, tuple[str, ...]] = {topics.depth_info_topic: KINDS["camera_info"]}
     kinds |= {getattr(topics, name): k for name, k in KINDS.items()}
     try:
         for topic, kind, at, data in messages(path, kinds | TRANSFORMS, required):
@@ -110,7 +110,7 @@ class _Log:
             text = " ".join(message.data.split())
             if text and text != (self._texts[-1][1] if self._texts else ""):
                 self._texts.append((at, text))
-        elif topic in (topics.camera_info, topics.own_of_depth):
+        elif topic in (topics.camera_info, topics.depth_info_topic):
             add_if_new(self._infos.setdefault(topic, []), message)
         elif topic == topics.joints:
             names = tuple(message.name)
@@ -163,7 +163,7 @@ class _Log:
         camera_info = _as_stored(topics.color, of_color, doubts)
         depth_info = camera_info
         if topics.depth in self._read:
-            depth_info = self._own_of_depth(of_color, camera_info, doubts)
+            depth_info = self._depth_camera_info(of_color, camera_info, doubts)
         joints = max(self._joints, key=lambda names: len(self._joints[names].values), default=())
         if self._joints:
             self._read[topics.joints] = self._joints.pop(joints)
@@ -198,13 +198,13 @@ class _Log:
             doubts=tuple(doubts),
         )
 
-    def _own_of_depth(self, of_color: Any, camera_info: Any, doubts: list[str]) -> Any:
+    def _depth_camera_info(self, of_color: Any, camera_info: Any, doubts: list[str]) -> Any:
         """Return the CameraInfo of depth; it may differ from colour's, in the same frame.
 
         Args:
             of_color: The CameraInfo of colour's topic; `camera_info` is that of its images.
         """
-        topic, own_topic = self._topics.depth, self._topics.own_of_depth
+        topic, own_topic = self._topics.depth, self._topics.depth_info_topic
         infos = self._infos.get(own_topic, [of_color])
         if fault := fault_of(infos, self._image_frames[topic]):
             doubts.append(f"{own_topic}: {fault}; colour's is taken for depth")

@@ -29,7 +29,7 @@ TEXTS_NAME = "texts.json"  # beside the units of a log
 def run(options: ReviewOptions) -> int:
     """Serve the page until interrupted."""
     units = units_of_log(options.run)
-    review = opened_log(options, units) if units else opened(options)
+    review = log_walks(options, units) if units else review_of(options)
     server, address = make_server(review, options.port)
     sys.stdout.write(f"{len(review.names)} paths to review at {address}\n")
     sys.stdout.flush()
@@ -58,7 +58,7 @@ def units_of_log(folder: Path) -> list[Path]:
     return [path.parent for path in parts if LOG_KEY in read_json_object(path)]
 
 
-def opened_log(options: ReviewOptions, units: Sequence[Path]) -> LogWalks:
+def log_walks(options: ReviewOptions, units: Sequence[Path]) -> LogWalks:
     """Return the walks of a log that lack texts, or have some.
 
     Raises:
@@ -72,7 +72,7 @@ def opened_log(options: ReviewOptions, units: Sequence[Path]) -> LogWalks:
     return LogWalks([read_episode_unit(unit) for unit in units], texts)
 
 
-def opened(options: ReviewOptions) -> Review:
+def review_of(options: ReviewOptions) -> Review:
     """Return the paths to review."""
     source = options.run
     if source.is_dir():

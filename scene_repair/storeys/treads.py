@@ -135,7 +135,7 @@ def _candidates(surfaces: Surfaces, level: Mask, lower: ScannedFloor, upper: Sca
 def _search(points, cell, start, shape, reach, level, low, free, at_head, far, before):
     """Follow the shortest ways from where `far` is 0 up to the first sample of the upper floor."""
     rows, columns = shape
-    heap = [(0.0, 0)]
+    heap = [(0.0, 0)]  # numba takes the type of a list from what it first holds
     heap.pop()
     for k in range(len(far)):
         if far[k] == 0.0:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from vlnpe.evaluation.http.client import HORIZON_M, HttpPolicy, steps_along
-from vlnpe.evaluation.http.server import DualServer, listening
+from vlnpe.evaluation.http.server import DualServer, listen
 from vlnpe.evaluation.http.wire import DEPTH_UNIT_M, form_of, images_in
 from vlnpe.evaluation.motions import checked_motion
 from vlnpe.evaluation.observation import Observation
@@ -157,9 +157,9 @@ def test_depth_and_colours_survive_the_form() -> None:
 
 @pytest.fixture
 def served() -> Iterator[str]:
-    server = listening(DualServer(Forward()), "127.0.0.1", 0)
+    server = listen(DualServer(Forward()), "127.0.0.1", 0)
     with pytest.raises(OSError, match="in use"):
-        listening(DualServer(Forward()), "127.0.0.1", server.server_port)
+        listen(DualServer(Forward()), "127.0.0.1", server.server_port)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     yield f"http://127.0.0.1:{server.server_port}"
     server.shutdown()

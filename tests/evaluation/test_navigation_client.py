@@ -18,7 +18,7 @@ pytest.importorskip("websockets")
 from vlnpe.collectors.locomotion.contract import write_deployment
 from vlnpe.collectors.locomotion.runtime.observation import states_of
 from vlnpe.collectors.robots import POLICY_DECIMATION, RobotHandles, get_robot
-from vlnpe.evaluation.http.server import DualServer, listening
+from vlnpe.evaluation.http.server import DualServer, listen
 from vlnpe.evaluation.server import serve
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -153,7 +153,7 @@ def test_it_walks_to_the_goal_of_a_socket_policy(kind: str, client, walker, serv
 
 
 def test_it_walks_to_the_goal_of_eval_dual(client, walker) -> None:
-    server = listening(DualServer(ToGoal()), "127.0.0.1", 0)
+    server = listen(DualServer(ToGoal()), "127.0.0.1", 0)
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         address = f"http://127.0.0.1:{server.server_port}/eval_dual"

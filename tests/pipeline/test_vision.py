@@ -14,7 +14,7 @@ from tests.support.misbehaving_server import Server, completion
 from tests.support.runs import tiny_run
 from vlnpe.formats.vlnce.files import read_episodes
 from vlnpe.instruction_gen.facts.named import read_named
-from vlnpe.pipeline.commands.review import opened
+from vlnpe.pipeline.commands.review import review_of
 from vlnpe.pipeline.engine.ledger import Ledger
 from vlnpe.pipeline.options.instructions import Review
 from vlnpe.pipeline.stages.instructions.instruct_job import read_facts
@@ -85,7 +85,7 @@ def test_a_killed_run_goes_on_and_pays_nothing_twice(tmp_path: Path) -> None:
     assert set(provenance["instructions"]["vision_model"]) == {"eyes"}
     assert provenance["language_model"] == row.facts["language_model"]
     assert provenance["language_model"]["requests"] == len(times)
-    review = opened(Review(out))
+    review = review_of(Review(out))
     (facts,) = (read_facts(p) for p in (out / "facts").glob("*.json.gz"))
     assert {v["room"] for one in facts.values() for v in one["visits"]} == {"office"}
     for name in review.names:

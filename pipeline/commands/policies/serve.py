@@ -21,14 +21,14 @@ def run(options: Serve) -> int:
             f"{policy.name} cannot be served: it needs more than images and words; "
             "valid: a learned policy, random, forward, stop"
         )
-    from ....evaluation.http.server import DualServer, listening
+    from ....evaluation.http.server import DualServer, listen
 
     policy.identity()  # a damaged checkpoint is said before anything listens
     path = policy.checkpoint
     needs_pose = path is not None and read_card(path)[0].config.model.name == "rdp"
     app = DualServer(policy.make(options.seed), options.instruction, needs_pose=needs_pose)
     try:
-        server = listening(app, options.host, options.port)
+        server = listen(app, options.host, options.port)
     except OSError as error:
         raise InputError(
             f"--host {options.host} --port {options.port}: cannot be listened on ({error}); valid: "

@@ -120,7 +120,7 @@ def test_depths_own_calibration_is_beside_it_or_where_the_map_says(
     tmp_path: Path, text: str, expected: str
 ) -> None:
     topics = read_topic_map(topic_map(tmp_path, text or "depth: /camera/depth/image_raw"))
-    assert topics.own_of_depth == expected
+    assert topics.depth_info_topic == expected
 
 
 def test_a_named_calibration_of_depth_must_be_there(tmp_path: Path) -> None:

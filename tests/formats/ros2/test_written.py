@@ -13,7 +13,7 @@ from vlnpe.formats.convert.episodes import DATASET_NAME
 from vlnpe.formats.core.errors import FileFormatError, InputError
 from vlnpe.formats.lerobot import read_episode_unit
 from vlnpe.pipeline import cli
-from vlnpe.pipeline.commands.review import opened_log, units_of_log
+from vlnpe.pipeline.commands.review import log_walks, units_of_log
 from vlnpe.pipeline.options.instructions import Review
 
 pytestmark = pytest.mark.usefixtures("inline")
@@ -23,7 +23,7 @@ def test_texts_are_written_on_the_page_and_become_the_datasets(tmp_path: Path) -
     write_log(tmp_path / "walk", seconds=4.0, hole=(1.5, 2.5))
     status, out = convert_log(tmp_path / "walk")
     units = units_of_log(out)
-    walks = opened_log(Review(out), units)
+    walks = log_walks(Review(out), units)
     assert status == 0 and walks.names == ["walk-000", "walk-001"]
     told = {"path": "walk-001", "number": 0, "annotator": "ann"}
     with serving(walks) as address:
@@ -57,7 +57,7 @@ def test_texts_are_written_on_the_page_and_become_the_datasets(tmp_path: Path) -
 def test_two_servers_of_one_file_lose_no_text(tmp_path: Path) -> None:
     write_log(tmp_path / "walk", seconds=8.0, hole=(3.0, 4.0))
     _, out = convert_log(tmp_path / "walk")
-    servers = [opened_log(Review(out), units_of_log(out)) for _ in range(2)]
+    servers = [log_walks(Review(out), units_of_log(out)) for _ in range(2)]
 
     def write(number: int) -> None:
         for text in "abcdefgh":
@@ -101,4 +101,4 @@ def test_names_of_several_logs_are_kept_apart(tmp_path: Path) -> None:
     other = tmp_path / "a" / "out" / "units" / "walk"
     other.rename(out / "units" / "other")
     with pytest.raises(InputError, match="logs of other, walk; convert each into a folder"):
-        opened_log(Review(out), units_of_log(out))
+        log_walks(Review(out), units_of_log(out))

@@ -24,7 +24,7 @@ from vlnpe.instruction_gen.instruct import instruct_episodes
 from vlnpe.instruction_gen.llm.brief import prompt
 from vlnpe.instruction_gen.records import InstructConfig
 from vlnpe.pipeline.cli import main
-from vlnpe.pipeline.commands.review import opened
+from vlnpe.pipeline.commands.review import review_of
 from vlnpe.pipeline.engine.run_folder import RunFolder
 from vlnpe.pipeline.execution import settings as executors
 from vlnpe.pipeline.options.instructions import Review
@@ -63,7 +63,7 @@ def instruct(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[in
 
 def assert_reviewed_by_the_same_facts(out: Path, scenes: Path, facts: Path) -> None:
     """The review of a file judges its texts by the facts that they were written from."""
-    review = opened(Review(out, scenes=scenes))
+    review = review_of(Review(out, scenes=scenes))
     written = read_facts(facts)
     assert review.names == list(written) != []
     for name in review.names:
@@ -96,7 +96,7 @@ def test_a_run_of_several_files_is_reviewed_by_what_the_camera_saw(
         write_episodes(told, [replace(episode_along(EAST, name), instruction="Walk on.")])
         seen = folder.sights.seen(share)
         LookJob(scenes / "two_rooms", told, seen, get_robot("jetbot"), every=True).run()
-    review = opened(Review(tmp_path))
+    review = review_of(Review(tmp_path))
     assert review.names == ["a", "b"]
     for name in review.names:
         facts = review.ground(name).facts
@@ -110,7 +110,7 @@ def test_a_review_needs_the_scenes_of_its_paths(scenes: Path, tmp_path: Path) ->
     write_episodes(told, paths)
     for folder, said in ((tmp_path, "contains no repaired scene"), (scenes, "'a'; valid: two_r")):
         with pytest.raises(InputError, match=said):
-            opened(Review(told, scenes=folder))
+            review_of(Review(told, scenes=folder))
 
 
 @pytest.mark.parametrize(("show", "replace_"), [(1, False), (1, True), (0, True), (9, False)])
