@@ -19,7 +19,7 @@ from vlnpe.pipeline.ablation.page import figure_svg, markdown
 from vlnpe.pipeline.ablation.results import interval, judge, read_results
 
 # Results of `vlnpe evaluate`, by name.
-EVALUATIONS = ("dagger", "ceiling", "kinds", "robots", "senses", "limits", "adapt")
+EVALUATIONS = ("dagger", "ceiling", "kinds", "robots", "senses", "limits", "homes", "adapt")
 RESULTS = sorted(p.stem for p in (HERE / "results").glob("*.json") if p.stem not in EVALUATIONS)
 # Episodes of the results that have other than 204; their recipe asks for 48.
 SHORTAGE = {"pretrained": 40, "pretrained-small_house": 47}
