@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..formats.core.episode import Episode
+from ..formats.core.frames import wrap_angle
 from ..formats.core.geometry import arc_length, path_length, point_along
 from ..wayfinding.crossings import crossings_to_the_ends
 from .checker import Ground
@@ -29,7 +30,8 @@ _LONGER, _LONGER_M = 1.5, 3.0  # nobody goes so many times the way, and so much
 _AT_M = 3.5  # a thing that one stops at is this near
 _AT_DOOR_M = 1.3  # who goes by a door comes this near to it
 _EARLY_M = 1.5  # between the places on the path where one might stop early
-_SET_OUT_M = 0.3  # who has only a text looks around before he sets out
+_SET_OUT_M = 0.3  # who has only a text that names something looks around before he sets out
+_SETS_OUT_M, _ASIDE_DEG = 1.5, 15.0  # who is told to walk on walks straight on
 # Rooms that only their names tell apart.
 _ALIKE = tuple(map(frozenset, (
     ("bedroom", "children's room", "nursery"),
@@ -54,7 +56,7 @@ class Rivals:
         sure_m = max((climb.to_m for climb in facts.climbs), default=0.0) + 0.1
         self._sure = self._path[: max(1, int(np.searchsorted(self._along_m, sure_m)))]
         self._ways: dict[int, Array | None] = {}
-        self._grounds: dict[tuple[int, frozenset[str]], Ground] = {}
+        self._grounds: dict[tuple[int, frozenset[str], bool], Ground] = {}
         self._led: list[int] = []  # where earlier texts led, the last first
 
     def led_to(self, steps: Sequence[Step]) -> str:
@@ -63,13 +65,16 @@ class Rivals:
         owners = [k for k, step in enumerate(steps) for _ in step.claims]
         claims = [claim for step in steps for claim in step.claims]
         names = frozenset(c.name for c in claims if c.what == "thing")
-        cued = _after_a_thing(claims)
+        cued, faced = _after_a_thing(claims), _is_told_from_the_start(claims)
+        straight = faced and claims[0].kind != "turn" and len(self._sure) < 2
         for number in dict.fromkeys((*self._led, *range(len(self._ends)))):
             if not (self._ends_as(number, claims) and self._comes_by(number, claims)):
                 continue
             if cued and self._goes_by_the_door(number):
                 continue
-            ground = self._ground(number, names)
+            if straight and self._starts_aside(number):
+                continue
+            ground = self._ground(number, names, faced)
             if Alignment(ground, claims, owners, _LIKELY).cost <= _LIKELY:
                 self._led = [number, *self._led]
                 x, y = self._ends[number][0]
@@ -102,9 +107,12 @@ class Rivals:
         for xy_m in point_along(self._path[:, :2], early):
             ends.append((xy_m, int(self._last.regions.at(xy_m)), -1))
         gaps = [float(np.linalg.norm(xy_m - goal_m)) for xy_m, *_ in ends]
+        # Who stops in the opening between two rooms is in both.
+        here = {self._facts.goal_room, *self._facts.goal_rooms} - {""}
         far = [
             (gap, k) for k, gap in enumerate(gaps)
-            if gap > (ELSEWHERE_M if ends[k][1] == own else _OTHER_ROOM_M)
+            if gap > (ELSEWHERE_M if ends[k][1] == own or self._last.names[ends[k][1]] in here
+                      else _OTHER_ROOM_M)
         ]  # fmt: skip
         return [ends[k] for _, k in sorted(far)]
 
@@ -161,22 +169,34 @@ class Rivals:
         other = self._ends[number][1] != int(self._last.regions.at(self._path[-1, :2]))
         return other and bool(gap_m.min() <= _AT_DOOR_M)
 
-    def _ground(self, number: int, names: frozenset[str]) -> Ground:
+    def _starts_aside(self, number: int) -> bool:
+        """Return whether a way begins farther aside of who sets out than the path does."""
+        way = self._way(number)
+        assert way is not None
+        return self._aside_deg(way) > self._aside_deg(self._path) + _ASIDE_DEG
+
+    def _aside_deg(self, way: Array) -> float:
+        x, y = point_along(way[:, :2], np.array([_SETS_OUT_M]))[0] - way[0, :2]
+        return abs(float(np.rad2deg(wrap_angle(np.arctan2(y, x) - self._episode.start_yaw_rad))))
+
+    def _ground(self, number: int, names: frozenset[str], faced: bool) -> Ground:
         """Return the facts of a way, of its things only those that may have some names."""
-        key = number, names
+        key = number, names, faced
         if key not in self._grounds:
             way = self._way(number)
             assert way is not None
             changed = {"reference_path_world_m": way, "goal_position_world_m": way[-1]}
             first, *beyond = (_only(level, names) for level in self._levels)
             facts = path_facts(replace(self._episode, **changed), first, None, beyond)
-            turns = tuple(t for t in facts.turns if t.along_m > _SET_OUT_M)
+            turns = tuple(t for t in facts.turns if faced or t.along_m > _SET_OUT_M)
             self._grounds[key] = _Unnamed(replace(facts, turns=turns))
         return self._grounds[key]
 
 
 class _Unnamed(Ground):
     """The facts of a way to one who cannot read on a door what the room behind it is called."""
+
+    few_m = 3.0
 
     def rooms(self, name: str) -> frozenset[str]:
         """Return the rooms that a name may be thought to mean."""
@@ -199,6 +219,15 @@ def _after_a_thing(claims: Sequence[Claim]) -> bool:
     before = claims[: doors[-1]] if doors else ()
     cue = next((c for c in reversed(before) if c.kind not in ("turn", "see", "door")), None)
     return cue is not None and (cue.kind, cue.what) == ("pass", "thing")
+
+
+def _is_told_from_the_start(claims: Sequence[Claim]) -> bool:
+    """Return whether a text begins with a way that only the heading at the start explains."""
+    first = next((c for c in claims if c.kind != "in"), None)
+    if first is None:
+        return False
+    bare = first.kind in ("walk", "turn") or (first.kind, first.what) == ("stop", "")
+    return bare or (first.kind in ("enter", "door", "leave") and bool(first.side))
 
 
 def _taken_for(name: str, level_rooms: Sequence[str]) -> frozenset[str]:

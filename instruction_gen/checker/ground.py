@@ -17,7 +17,13 @@ _DOOR_NEAR_M, _SEEN_IN_M = 3.0, 5.0  # a door, and a thing in a room, that show 
 
 
 class Ground(Things):
-    """The facts of one path over S places, a quarter of a metre apart."""
+    """The facts of one path over S places, a quarter of a metre apart.
+
+    Attributes:
+        few_m: as far as "a few steps" may lead [m].
+    """
+
+    few_m = 4.5
 
     def crossed(self, claim: Claim, within: str = "", turned: bool = False) -> Fit:
         """Return what it costs to say that a room is entered or left, or a door gone through.

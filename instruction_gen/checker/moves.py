@@ -68,7 +68,7 @@ def costs_to_move(
     if kind == "walk" and (claim.metres or claim.vague) and not said.stopped:
         d = claim.metres
         low = np.minimum(0.2, end - 0.3 - here) if claim.vague else 0.85 * d - 0.2
-        high = max(4.5, 2.0 * d) if claim.vague else 1.15 * d + 0.15
+        high = max(ground.few_m, 2.0 * d) if claim.vague else 1.15 * d + 0.15
         off = ramp(low - went, 0.0, 0.1 * d + 0.1), ramp(went - high, 0.0, 0.12 * d + 0.1)
         add(np.maximum(*off), f"the path does not go on for {d:g} metres")
     elif said.paced_m and (kind in ("door", "enter", "leave", "stop") or claim.what == "door"):

@@ -4,18 +4,32 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
 from ..facts.doors import DOOR
 from ..facts.records import LandmarkFact, PathFacts
 from .grammar import pick
 from .names import Names
 from .records import PASSES, Event, Taste
-from .refer import PASS_DOOR_M, at_start, in_sight, in_view, passed, walked_over
+from .refer import (
+    PASS_DOOR_M,
+    abeam_m,
+    at_start,
+    in_sight,
+    in_view,
+    passed,
+    stands_at_goal,
+    walked_over,
+)
 
 _AT_END_M = 0.3  # a turn so close to the end of a way is not on it
 FEW_STEPS_M = 1.8  # a shorter way is not told in metres
 _VIEW_M = 5.0  # what is in view ahead may be told where nothing is passed
 _CHAINED = 0.8  # how often a second thing is passed in one breath
+_MEETS_M = 2.5  # how far before a room begins the opening may that leads to it and others
+_THROUGH_M = 0.5  # what is nearer is gone through
 _OVER = 0.6  # how often a rug that is walked over is mentioned
+_APART_M = 0.5  # between things of which one is passed first
 _NOT = 0.4  # how often a doorway that is passed is told as one not to take
 _BESIDE = 0.5  # how often a thing is told by what stands beside it, where something does
 _LONG_M = 4.0  # the longest way that a text leaves undescribed
@@ -73,7 +87,7 @@ def goal_events(facts: PathFacts, stop: Event, names: Names, taste: Taste) -> li
 
 
 def passed_events(
-    events: Sequence[Event], facts: PathFacts, names: Names, taste: Taste
+    events: Sequence[Event], stop: Event, facts: PathFacts, names: Names, taste: Taste
 ) -> list[Event]:
     """Return events of things passed on the longest stretches between others."""
     edges = [0.0, *(_end(e) for e in events)]
@@ -88,7 +102,8 @@ def passed_events(
         if rug is not None:
             result.append(Event("over", rug.mark.along_m, X=rug))
             continue
-        best = names.best(_passing(facts, low + 0.5, high - 0.6))
+        past = stop.X.mark if stop.kind.startswith("stop_past") and stop.X else None
+        best = names.best(_passing(facts, low + 0.5, high - 0.6, before=past))
         if best is None:
             doors = _passed_door(facts, names, low + 0.7, high - 0.7)
             result += doors or _view(facts, names, low + 0.4)
@@ -100,7 +115,7 @@ def passed_events(
         other = {"left": "right", "right": "left"}[mark.side]
         facing = _passing(facts, mark.along_m - 0.8, mark.along_m + 0.8, other)
         across = names.best(facing) if names.rng.random() < 0.3 else None
-        after = _passing(facts, mark.along_m + 0.6, high - 0.4)
+        after = _passing(facts, mark.along_m + 0.6, high - 0.4, after=mark, before=past)
         chained = across is None and names.rng.random() < _CHAINED
         second = names.best(after) if chained else None
         if across is not None:
@@ -111,7 +126,8 @@ def passed_events(
                 event, kind=pick(kinds, names.rng), Y=second, t=second.mark.side,
                 to_m=second.mark.along_m,
             )  # fmt: skip
-            third = names.best(_passing(facts, event.to_m + 0.6, high - 0.3))
+            beyond = _passing(facts, event.to_m + 0.6, high - 0.3, after=second.mark, before=past)
+            third = names.best(beyond)
             if third is not None and not third.plural:
                 event = replace(event, kind="pass_three", Z=third, to_m=third.mark.along_m)
         elif names.rng.random() < 0.7:
@@ -123,13 +139,23 @@ def passed_events(
 
 
 def _passing(
-    facts: PathFacts, low_m: float, high_m: float, side: str = ""
+    facts: PathFacts,
+    low_m: float,
+    high_m: float,
+    side: str = "",
+    after: LandmarkFact | None = None,
+    before: LandmarkFact | None = None,
 ) -> Callable[[LandmarkFact], float | None]:
-    """Return how far a thing is that is passed on a side [m], None for others."""
+    """Return how far a thing is that is passed on a side, after and before others [m], else None.
+
+    Who walks by two things side by side passes the one first whose middle he leaves behind first.
+    """
+    from_m = abeam_m(after) + _APART_M if after else -np.inf
+    to_m = abeam_m(before) - _APART_M if before else np.inf
 
     def far(mark: LandmarkFact) -> float | None:
         here = passed(mark, facts, low_m, high_m) and side in ("", mark.side)
-        return mark.distance_m if here else None
+        return mark.distance_m if here and from_m <= abeam_m(mark) <= to_m else None
 
     return far
 
@@ -151,13 +177,31 @@ def _passed_door(facts: PathFacts, names: Names, low_m: float, high_m: float) ->
     for mark in facts.landmarks:
         visit = next((v for v in facts.visits if mark.along_m <= v.to_m), facts.visits[-1])
         others = [room for room in mark.leads if room not in entered]
-        here = low_m <= mark.along_m <= high_m and mark.distance_m <= PASS_DOOR_M and mark.side
+        here = low_m <= mark.along_m <= high_m and mark.side
+        here = here and _THROUGH_M < mark.distance_m <= PASS_DOOR_M
         clear = len(others) == 1 and visit.room in mark.leads and mark.name not in names.names
         if mark.noun == DOOR and here and clear and visit.beyond.count(others[0]) == 1:
             names.names.add(mark.name)
             kind = "not_door" if names.rng.random() < _NOT else "pass_door"
             return [Event(kind, mark.along_m, C=names.name(others[0]), s=mark.side)]
     return []
+
+
+def not_entered(facts: PathFacts, names: Names) -> list[Event]:
+    """Return the rooms not to enter where one goes through an opening into one without a name."""
+    result = []
+    for passage in facts.passages:
+        rooms = {
+            room
+            for mark in facts.landmarks
+            if passage.along_m - mark.along_m <= _MEETS_M
+            and mark.distance_m <= _THROUGH_M and passage.from_room in mark.leads
+            for room in mark.leads
+            if mark.along_m <= passage.along_m + _THROUGH_M
+        } - {visit.room for visit in facts.visits}  # fmt: skip
+        if not passage.to_room and len(rooms) == 1:
+            result.append(Event("not_room", passage.along_m + 0.01, C=names.name(rooms.pop())))
+    return result
 
 
 def _end(event: Event) -> float:
@@ -191,7 +235,7 @@ def with_distances(
             result.append(Event("follow", before + 0.2, B=hall))
         elif (
             bare
-            and event.kind != "slight"
+            and (event.kind != "slight" or names.rng.random() < taste.paced)
             and gap > (FEW_STEPS_M if speaks else _LONG_M + FEW_STEPS_M)
         ):
             result.append(Event("walk", before, far_m=gap))
@@ -206,7 +250,10 @@ def with_neighbours(events: Sequence[Event], names: Names) -> list[Event]:
     for event in events:
         thing = event.X if event.kind in _BY_ONE else None
         other = names.beside(thing) if thing and names.rng.random() < _BESIDE else None
-        if thing and other:
+        near = other is not None and (
+            event.kind not in (*_STOPS_BY_ONE, "goal_thing") or stands_at_goal(other.mark)
+        )
+        if thing and other and near:
             words = f"{thing.words} {pick(('next to', 'beside', 'by'), names.rng)} {other.words}"
             event = replace(event, X=replace(thing, words=words, beside=other))
         result.append(event)

@@ -7,12 +7,14 @@ import numpy as np
 
 from ..checker import Ground, check_text
 from ..facts.records import PathFacts
+from ..language.claims import Claim
 from ..records import COMPOSER, WrittenText
 from ..rivals import Rivals
 from .along import (
     FEW_STEPS_M,
     bent,
     goal_events,
+    not_entered,
     passed_events,
     start_events,
     with_distances,
@@ -25,13 +27,15 @@ from .records import PLANS, TASTES, Event, Taste, explicit
 from .steps import move_events
 from .stop import stop_events
 
-DRAFTS = 24  # written for each text, the best is taken
+DRAFTS = 8  # written at once for each text, the best is taken
+_ROUNDS = (False, True, True)  # of drafts, as long as none will do, and whether they tell all
 WORDS = {"terse": (5, 8), "natural": (18, 23), "rich": (36, 48)}
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.
 _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
 _ENTERS, _STOPS_INTO = ("enter", "enter_door", "enter_ahead"), 0.6
 _OFF_LENGTH = 25.0  # what a text costs that is twice as long as it may be
+_PACED, _PACED_M = ("stop_front", "stop_beside", "stop_close", "stop_side", "stop_view"), 1.8  # [m]
 _BY_PACES = ("stop_after", "stop_facing")  # how far one walks to the stop is told
 # How bad it is, the text, what it goes by with the kinds of its events, their phrases.
 _Draft = tuple[float, WrittenText, tuple[str, ...], tuple[Phrase, ...]]
@@ -60,17 +64,26 @@ def compose_texts(
     """
     usage = Usage() if usage is None else usage
     chosen: list[_Draft] = []
-    problems: list[str] = []
+    problems: Sequence[str] = ()
+    misleads: set[tuple[Claim, ...]] = set()
     for number in range(count):
         style = styles[number % len(styles)]
         said = {*taken, *(text.text for _, text, *_ in chosen)}
         attempt = 0
-        for taste in (TASTES[style], explicit(TASTES[style])):
+        for every in _ROUNDS:
+            taste = explicit(TASTES[style]) if every else TASTES[style]
             drafts = [_draft(ground.facts, taste, rng, usage, chosen) for _ in range(DRAFTS)]
             drafts = [d for d in sorted(drafts, key=lambda d: d[0]) if _may_do(d[1], said)]
             for score, text, kinds, phrases in drafts:
                 attempt += 1
-                if problems := _problems(text, ground, rivals):
+                claims = tuple(claim for step in text.steps for claim in step.claims)
+                if claims in misleads:
+                    continue
+                if problems := check_text(text.text, ground, text.steps).problems:
+                    continue
+                if rivals and (led_to := rivals.led_to(text.steps)):
+                    misleads.add(claims)
+                    problems = (led_to,)
                     continue
                 chosen.append((score, replace(text, attempts=attempt), kinds, phrases))
                 usage.add(text.text, phrases)
@@ -78,7 +91,7 @@ def compose_texts(
             else:
                 continue
             break
-    return [text for _, text, *_ in chosen], ([] if chosen else problems)
+    return [text for _, text, *_ in chosen], ([] if chosen else list(problems))
 
 
 def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event]:
@@ -89,7 +102,8 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
     if stop[0].kind in _BY_PACES:  # only what is passed shows where
         taste = replace(taste, passed=taste.passed + (taste.voice != "terse"), gap_m=_NEAR_M)
     events = move_events(facts, names, taste)
-    events += passed_events(events, facts, names, taste)
+    events += passed_events(events, stop[0], facts, names, taste)
+    events += not_entered(facts, names)
     events.sort(key=lambda e: e.along_m)
     events = with_distances(events, stop[0], facts, names, taste)
     if not events:
@@ -119,19 +133,22 @@ def plan(facts: PathFacts, taste: Taste, rng: np.random.Generator) -> list[Event
     events = with_neighbours(
         [*goal_events(facts, stop[0], names, taste), *start, *events, *stop], names
     )
-    return bent(events, facts)
+    return bent(_paced(events, facts, names, taste), facts)
+
+
+def _paced(events: list[Event], facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
+    """Tell how far it is to a stop at a thing or door, which may not be the first such one."""
+    at = max(k for k, event in enumerate(events) if "stop" in event.kind)
+    since_m = max((event.done_m for event in events[:at]), default=0.0)
+    far_m = facts.length_m - since_m
+    if events[at].kind not in _PACED or far_m < _PACED_M or names.rng.random() >= taste.paced:
+        return events
+    return [*events[:at], Event("walk", since_m, far_m=far_m), *events[at:]]
 
 
 def _may_do(text: WrittenText, said: Collection[str]) -> bool:
     """Return whether a draft is new and not far too long, as one that tells all may be."""
     return text.text not in said and len(text.text.split()) <= 2.5 * WORDS[text.style][1]
-
-
-def _problems(text: WrittenText, ground: Ground, rivals: Rivals | None) -> list[str]:
-    """Return what is wrong with a draft: what is not so, or where else it leads."""
-    verdict = check_text(text.text, ground, text.steps)
-    led_to = rivals.led_to(text.steps) if rivals and verdict.ok else ""
-    return [led_to] if led_to else list(verdict.problems)
 
 
 def _draft(

@@ -31,6 +31,7 @@ _GOES = (
     "walk", "go", "keep going", "keep walking", "keep moving", "keep straight", "keep to",
     "continue", "head", "carry", "follow", "cut", "cross", "stay", "move", "proceed", "make your",
 )  # fmt: skip
+_MOVES = ("enter", "leave", "turn", "walk", "climb", "along")
 _WAYS = ("follow", "pass", "over", "between")
 _TURNS = (
     "turn", "again", "twice", "jog", "slight", "sharp", "leave_turn", "out_turn", "enter_turn",
@@ -40,7 +41,8 @@ _MORE = frozenset(("more", "another", "further", "onwards", "continue", "keep", 
 # "Turning left outside, turn right", "past the TV past the sofa": how a phrase begins, and what the
 # one before it then does not say.
 _TWICE = (("past", "past"), ("turn", "turning"), ("go left", "turning"), ("go right", "turning"),
-          *((word, "turning") for word in ("take a", "make a", "hang a")))  # fmt: skip
+          *((word, "turning") for word in ("take a", "make a", "hang a")), ("walk", "walking"),
+          ("head", "heading"), ("going", "go"), ("walking", "walk"))  # fmt: skip
 _AGREES = {"is": ("is", "are"), "it": ("it", "them"), "comes": ("comes", "come")}  # fmt: skip
 
 
@@ -167,7 +169,8 @@ def drafts(
         straight = event.bent and _STRAIGHT & set(filled.split())
         first = before is None
         again = bool((event.along_m < 0.3 or first) and _MORE & set(filled.split()))
-        again |= first and filled.startswith("that ")
+        moved = before is not None and (along or before.event.kind.startswith((*_WAYS, *_MOVES)))
+        again |= not moved and filled.startswith("that ")
         said = before.words.split() if before else ()
         twice = filled.count("next ") > 1  # a room without a name is "the next room"
         twice |= any(filled.startswith(begins) and other in said for begins, other in _TWICE)

@@ -7,6 +7,7 @@ from ..facts.records import ClimbFact, PassageFact, PathFacts, TurnFact, manoeuv
 
 TELL_DEG = 35.0  # smaller turns are mentioned only where nothing else shows the way
 CLEAR_DEG = 50.0  # these are mentioned even where the next turn undoes part of them
+_PLAIN_DEG = 44.0
 HINT_DEG = 30.0
 SLIGHT_DEG, SHARP_DEG = 50.0, 122.0
 _MIDDLING_DEG = 65.0
@@ -34,8 +35,12 @@ class Move:
     climb: ClimbFact | None = None
 
 
-def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
-    """Return the turns worth mentioning; small ones that undo each other are weaving."""
+def mentioned_turns(facts: PathFacts, *, every: bool = False) -> list[TurnFact]:
+    """Return the turns worth mentioning; small ones that undo each other are weaving.
+
+    Args:
+        every: those are told, too.
+    """
     result = []
     for turn in _one_bend([t for t in facts.turns if not facts.on_stairs(t.along_m)]):
         size = abs(turn.angle_deg)
@@ -53,8 +58,8 @@ def mentioned_turns(facts: PathFacts) -> list[TurnFact]:
             and _opposed(facts, other) == [turn]
             for other in undoing
         )
-        clear = (size >= CLEAR_DEG and not balanced) or (size >= TELL_DEG and not undoing)
-        if clear or (small and lonely and turn.along_m > 1.0):
+        clear = (size >= _PLAIN_DEG and not balanced) or (size >= TELL_DEG and not undoing)
+        if clear or (every and size >= HINT_DEG) or (small and lonely and turn.along_m > 1.0):
             result.append(turn)
     return result
 
@@ -102,12 +107,12 @@ def undone(facts: PathFacts, turn: TurnFact) -> bool:
     return middling and abs(turn.angle_deg) - sum(back_deg) < SLIGHT_DEG
 
 
-def moves(facts: PathFacts) -> list[Move]:
+def moves(facts: PathFacts, *, every: bool = False) -> list[Move]:
     """Return turns and steps into other rooms, in order; a turn at a door is one move with it."""
     result: list[Move] = []
     # One hallway that widens is one room to who walks through it.
     passages = [p for p in facts.doors if p.doorway or p.from_room != p.to_room]
-    turns = mentioned_turns(facts)
+    turns = mentioned_turns(facts, every=every)
     for climb in facts.climbs:
         near = (t for t in turns if 0.0 <= climb.along_m - t.along_m <= _TO_STAIRS_M)
         turn = next(near, None)

@@ -26,6 +26,9 @@ from .refer import (
 
 _MANY_EXITS, _COUNTED = 3, 0.6
 _BY_THING = 0.25  # how often a room is told by a thing in it alone
+_AHEAD = 0.7  # how often a room without a name is told as the one straight ahead
+_AHEAD_M = (-2.0, 1.0)  # where a bend would lead through an opening at a side
+_FACED_DEG = 40.0
 _JUST_M = 1.5
 _AT_EXIT_M = 0.3  # a turn farther before an exit is made inside
 _SIDED_DEG = 40.0  # a thing so far aside of who enters is on his side
@@ -50,6 +53,8 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
     if not room:
         kind = "leave_turn" if side and not move.turn_first else "leave_only"
         kind = "turn" if side and move.turn_first else kind
+        if not side and passage_ahead(passage, facts) and rng.random() < _AHEAD:
+            return replace(event, kind="leave_ahead" if event.A else "enter_ahead")
         return replace(event, kind=kind if event.A or kind == "turn" else "enter")
     marked = rng.random() < max(taste.marks, taste.rooms)
     within = [m for m in (0.3, 0.8) if passage.along_m + m < facts.length_m]
@@ -67,7 +72,7 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
         return sight or names.best(inside)
 
     if turn is not None and move.turn_first:
-        if (passage.alike and _is_aside(passage, facts)) or (
+        if (passage.alike and _is_aside(passage, facts) and _is_faced(passage, facts)) or (
             many and _counts(passage, facts) and rng.random() < _COUNTED
         ):  # of several doorways
             # A door without its room is one of the room that the text names next.
@@ -104,7 +109,11 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
         mark = names.refer(door, door.distance_m)
         if mark is not None and not mark.plural:
             return replace(event, kind="enter_beside", X=names.mention(mark))
-    if many and doorway and (passage.alike or _counts(passage, facts)):
+    if (
+        many
+        and doorway
+        and ((passage.alike and _is_faced(passage, facts)) or _counts(passage, facts))
+    ):
         return replace(event, kind="enter_nth", s=passage.side, ordinal=passage.ordinal)
     if marked and (mark := names.best(inside)):
         if doorway and _tells_room(mark, passage, facts) and rng.random() < _BY_THING:
@@ -118,14 +127,21 @@ def passage_event(move: Move, gap_m: float, facts: PathFacts, names: Names, tast
         kind = "enter_with" if aside and not mark.plural else "enter_see"
         return replace(event, kind=kind, X=mark, s=here_side if aside else side)
     if passage.alike:
-        kind = "enter_nth" if passage.side and doorway else "enter_ahead"
+        told = passage.side and doorway and _is_faced(passage, facts)
+        kind = "enter_nth" if told else "enter" if passage.side else "enter_ahead"
         return replace(event, kind=kind, s=passage.side, ordinal=passage.ordinal)
     kinds = ["leave"] * 3 if first and event.A else ["enter"]
-    if not (passage.side or gap_m < 1.0 or (first and event.A)):
+    if passage_ahead(passage, facts) and gap_m >= 1.0 and not (first and event.A):
         kinds += ["enter_ahead"]
     if doorway:
         kinds += ["leave_door"] if first and event.A else ["enter_door"]
     return replace(event, kind=pick(kinds, rng))
+
+
+def passage_ahead(passage: PassageFact, facts: PathFacts) -> bool:
+    """Return whether a passage is straight ahead, not at a side of who walks on."""
+    low, high = (passage.along_m + gap for gap in _AHEAD_M)
+    return not passage.side and not any(low <= turn.along_m <= high for turn in facts.turns)
 
 
 def is_unique(passage: PassageFact, facts: PathFacts) -> bool:
@@ -191,7 +207,19 @@ def _counts(passage: PassageFact, facts: PathFacts) -> bool:
         and from_m < mark.along_m < passage.along_m - 0.5
     ]
     own = [leads for leads in row if passage.from_room in leads]
-    return passage.ordinal == 1 + len(own)
+    return passage.ordinal == 1 + len(own) and _is_faced(passage, facts)
+
+
+def _is_faced(passage: PassageFact, facts: PathFacts) -> bool:
+    """Return whether it is clear which way one faces in a room: by its doorway, or by a turn."""
+    visit = _left(passage, facts)
+    entry = [p for p in facts.passages if abs(p.along_m - visit.from_m) < 0.1]
+    turned = (
+        abs(turn.angle_deg) >= _FACED_DEG
+        for turn in facts.turns
+        if visit.from_m - 0.5 <= turn.along_m <= passage.along_m - 0.8
+    )
+    return not entry or entry[0].doorway or any(turned)
 
 
 def _left(passage: PassageFact, facts: PathFacts) -> VisitFact:

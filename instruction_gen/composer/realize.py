@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 
 import numpy as np
 
@@ -50,17 +51,18 @@ class Usage:
     def repetition(self, text: str) -> float:
         """Return how much of a text was used before: the mean logarithm of its counts."""
         if text not in self._judged:
-            runs = list(_runs(text))
+            runs = _runs(text)
             total = sum(math.log1p(self.counts[run]) for run in runs)
             self._judged[text] = total / max(1, len(runs))
         return self._judged[text]
 
 
-def _runs(text: str) -> Iterable[tuple[str, ...]]:
+@lru_cache(maxsize=4096)
+def _runs(text: str) -> tuple[tuple[str, ...], ...]:
     words = text.lower().replace(",", "").replace(".", "").split()
-    for n in (1, 1, 2, 2, 3, 4):
-        for k in range(len(words) - n + 1):
-            yield tuple(words[k : k + n])
+    return tuple(
+        tuple(words[k : k + n]) for n in (1, 1, 2, 2, 3, 4) for k in range(len(words) - n + 1)
+    )
 
 
 @dataclass

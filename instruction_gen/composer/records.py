@@ -78,6 +78,7 @@ class Taste:
         toward: how often a turn is told by what the way then comes to.
         rooms: how often a room that is entered is told by the things in it.
         brief: how often a turn is left out where the name of the next room is enough.
+        paced: how often the way to a stop at a thing is told in metres.
     """
 
     voice: str
@@ -91,6 +92,7 @@ class Taste:
     toward: float = 0.0
     rooms: float = 0.0
     brief: float = 0.0
+    paced: float = 0.0
 
 
 TASTES = {
@@ -102,7 +104,8 @@ TASTES = {
 
 def explicit(taste: Taste) -> Taste:
     """Return a taste that leaves nothing to guess, for paths where a lighter one misleads."""
-    return replace(taste, marks=2.0, passed=taste.passed + 1, gap_m=1.5, more=1.0, brief=0.0)
+    return replace(taste, marks=2.0, passed=taste.passed + 1, gap_m=1.5, more=1.0, brief=0.0,
+                   paced=0.6)  # fmt: skip
 
 
 # What a longer text goes by, of which each text of a path takes another: turns and doors,

@@ -194,11 +194,16 @@ def walked_over(mark: LandmarkFact, facts: PathFacts, low_m: float, high_m: floa
 
 def at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
     """Return whether a thing is at the goal and not behind; the camera, if any, shows it there."""
-    at_hand = mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
-    if not (mark.nameable and at_hand and abs(mark.goal_bearing_deg) <= 125.0):
+    own = mark.room in ("", facts.goal_room, *facts.goal_rooms)
+    if not (mark.nameable and own and stands_at_goal(mark) and abs(mark.goal_bearing_deg) <= 125.0):
         return False
     others = (m.goal_distance_m for m in facts.landmarks if m.nameable and m.goal_open)
     return mark.goal_distance_m <= max(STOP_AT_M, min(others, default=0.0)) and _shown(mark, facts)
+
+
+def stands_at_goal(mark: LandmarkFact) -> bool:
+    """Return whether a thing is close to the goal, no wall between."""
+    return mark.goal_distance_m <= STOP_M and (mark.goal_open or mark.goal_distance_m < 0.6)
 
 
 def hung_at_goal(mark: LandmarkFact, facts: PathFacts) -> bool:
@@ -224,6 +229,11 @@ def came_by(mark: LandmarkFact) -> bool:
     ]  # fmt: skip
     ahead = (m.along_m for m in mark.moments if abs(m.facing_deg) <= _AHEAD_DEG)
     return bool(beside) and next(ahead, np.inf) <= mark.along_m
+
+
+def abeam_m(mark: LandmarkFact) -> float:
+    """Return where a walker has the middle of a thing beside him [m]."""
+    return next((m.along_m for m in mark.moments if abs(m.facing_deg) >= 90.0), mark.along_m)
 
 
 def in_row(other: LandmarkFact, mark: LandmarkFact) -> bool:

@@ -25,19 +25,21 @@ _ROUND_DEG = 155.0
 _BEFORE_STAIRS = 2  # through so many rooms the way to the stairs may be left unsaid
 _AT_ONCE_M = 1.3
 _BESIDE_M = 1.0  # one turns beside a thing that is so near
-_LEADS_M, _LEADS_DEG = 3.5, 110.0  # how far and how sharply a turn may lead to a thing
+_LEADS_M, _LEADS_DEG = 3.5, 60.0  # how far and how sharply a turn may lead to a thing
 _AGAIN = {"turn": "again", "turn_enter": "again_enter"}
 _TURNED = ("turn", "leave_turn", "out_turn", "enter_turn", "leave_turn_enter", "turn_enter")
+_SOON_M = 4.0  # a turn so soon after another to the other side
 _ONE_MOVE_M = 1.6  # two turns this near to each other are one manoeuvre
 
 
 def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
     """Return the moves as events, most with a thing where one is visible."""
     result: list[Event] = []
-    todo = moves(facts)
+    every = names.rng.random() < taste.paced
+    todo = moves(facts, every=every)
     todo = [_brief(m, after, facts, taste, names.rng) for m, after in pairwise([*todo, None]) if m]
-    if taste.voice == "terse":
-        todo = [m for m in todo if m.passage or m.climb or not m.turn or _tells(m.turn)]
+    if taste.voice == "terse" and not every:
+        todo = [m for m in todo if m.passage or m.climb or not m.turn or _tells(m.turn, facts)]
         todo = _from_stairs(todo, facts) if names.rng.random() < taste.brief else todo
     while todo:
         move, todo = todo[0], todo[1:]
@@ -84,8 +86,12 @@ def _again(event: Event, before: Event | None) -> Event:
     return replace(event, kind=kind) if kind and same else event
 
 
-def _tells(turn: TurnFact) -> bool:
-    return abs(turn.angle_deg) >= SLIGHT_DEG
+def _tells(turn: TurnFact, facts: PathFacts) -> bool:
+    """Return whether even a short text needs a turn: a clear one, or one before the other side."""
+    return abs(turn.angle_deg) >= SLIGHT_DEG or any(
+        other.side != turn.side and 0.0 < other.along_m - turn.along_m <= _SOON_M
+        for other in facts.turns
+    )
 
 
 def _brief(

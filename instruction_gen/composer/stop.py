@@ -66,7 +66,9 @@ def _stop(facts: PathFacts, names: Names, taste: Taste) -> Event:
         )
     )
     if past is not None and not past.plural:
-        return Event("stop_past", length, X=past)
+        sided = names.rng.random() < taste.paced
+        kind = "stop_past_side" if sided else "stop_past"
+        return Event(kind, length, X=past, s=past.mark.side)
     hung = names.best(lambda m: m.goal_distance_m if hung_at_goal(m, facts) else None, at_goal=True)
     if hung is not None:
         return Event("stop_close", length, X=hung)

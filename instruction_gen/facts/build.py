@@ -115,7 +115,8 @@ def _passages(
         opening = _opening_at(shared, c)
         through = opening is not None and opening.noun == DOOR
         frame = opening if through else None
-        if frame and not frame.is_at(c.position_xy_m, c.from_region, c.to_region):
+        here = frame and frame.is_at(c.position_xy_m, c.from_region, c.to_region)
+        if frame and (not here or len(frame.rooms) > 2):  # it has no middle where three meet
             frame = None
         at = frame.middle_m if frame else c.position_xy_m
         bearing = track.bearing_deg(c.along_m - BEFORE_M, at)

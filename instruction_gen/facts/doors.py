@@ -13,7 +13,8 @@ from ...wayfinding.regions import RegionMap
 from ..language.nouns import noun_of
 
 DOOR, OPENING = "doorway", "opening"
-_DOOR_M = 1.6  # a wider opening without a door leaf is no doorway
+# A wider opening is no doorway, without a door leaf and with one.
+_DOOR_M, _HUNG_M = 1.6, 2.5
 _JOIN_CELLS, _LEAST_CELLS = 3, 3
 _AT_M = 0.7  # who turns in a doorway is so far from it
 _LEAF_M = 0.3  # a leaf hangs this near to its opening
@@ -72,9 +73,10 @@ def find_openings(regions: RegionMap, leaves: Sequence[LabeledObject] = ()) -> l
         sizes = [np.ptp(xy_m[here & (pairs == pair).all(1)], axis=0)
                  for pair in np.unique(pairs[here], axis=0)]  # fmt: skip
         hung = any(_at(leaf, low, high) for leaf in leaves)
-        narrow = max(float(np.hypot(*size)) for size in sizes) <= _DOOR_M
+        wide_m = max(float(np.hypot(*size)) for size in sizes)
+        narrow = wide_m <= (_HUNG_M if hung else _DOOR_M)
         rooms = tuple(np.unique(pairs[here]).tolist())
-        result.append(Opening(rooms, low, high, DOOR if narrow or hung else OPENING))
+        result.append(Opening(rooms, low, high, DOOR if narrow else OPENING))
     return result
 
 
