@@ -53,8 +53,16 @@ class InstructResult:
     @property
     def unchecked(self) -> int:
         """How many texts have words that no claim covers."""
+        return self._with("unchecked")
+
+    @property
+    def ambiguous(self) -> int:
+        """How many texts may lead elsewhere, too, as nothing on their levels has a name."""
+        return self._with("leads_elsewhere")
+
+    def _with(self, key: str) -> int:
         records = (e.extra.get("instruction") or {} for e in self.episodes)
-        return sum(bool(t.get("unchecked")) for made in records for t in made.get("texts", ()))
+        return sum(bool(t.get(key)) for made in records for t in made.get("texts", ()))
 
     def usage(self) -> dict[str, Any]:
         """Return requests, tokens and cost of the language model so far; empty without one."""
@@ -205,6 +213,11 @@ def instruct_episodes(
             "%d texts have words that no claim covers; the export leaves them out unless a person "
             "accepts them in `vlnpe review`",
             result.unchecked,
+        )
+    if result.ambiguous:
+        logger.warning(
+            "%d texts may lead elsewhere, too: nothing on their levels has a name",
+            result.ambiguous,
         )
     return result
 

@@ -78,6 +78,7 @@ class WrittenText:
         model: of a language model, "" otherwise.
         steps: it says, with their claims; of a text in another language those of its translation.
         from_m: how far along the path each step begins; only of texts whose words the steps are.
+        leads_elsewhere: where else it leads; kept only where the scan has no names to tell it by.
         unchecked: words that no claim covers: such a text is exported if a person vouches for it.
     """
 
@@ -91,6 +92,7 @@ class WrittenText:
     steps: tuple[Step, ...] = ()
     unchecked: tuple[str, ...] = ()
     from_m: tuple[float, ...] = ()
+    leads_elsewhere: str = ""
 
     def record(self) -> dict[str, Any]:
         """Return it as JSON."""
@@ -106,4 +108,5 @@ class WrittenText:
             "claims": [step_record(step) for step in self.steps],
             **({"from_m": list(self.from_m)} if self.from_m else {}),
             **open_,
+            **({"leads_elsewhere": self.leads_elsewhere} if self.leads_elsewhere else {}),
         }

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..formats.core.episode import Episode
 from ..formats.core.frames import wrap_angle
-from ..formats.core.geometry import arc_length, path_length, point_along
+from ..formats.core.geometry import arc_length, path_length, point_along, resample
 from ..wayfinding.crossings import crossings_to_the_ends
 from .checker import Ground
 from .checker.order import Alignment
@@ -30,6 +30,7 @@ _LONGER, _LONGER_M = 1.5, 3.0  # nobody goes so many times the way, and so much
 _AT_M = 3.5  # a thing that one stops at is this near
 _AT_DOOR_M = 1.3  # who goes by a door comes this near to it
 _EARLY_M = 1.5  # between the places on the path where one might stop early
+_SPACING_M = 0.1  # of the path, of which a part is taken
 _SET_OUT_M = 0.3  # who has only a text that names something looks around before he sets out
 _SETS_OUT_M, _ASIDE_DEG = 1.5, 15.0  # who is told to walk on walks straight on
 # Rooms that only their names tell apart.
@@ -51,9 +52,10 @@ class Rivals:
             facts: of the path.
         """
         self._episode, self._levels, self._facts = episode, tuple(levels), facts
-        self._last, self._path = self._levels[-1], episode.reference_path_world_m
+        self._last = self._levels[-1]
+        self._path = resample(episode.reference_path_world_m, _SPACING_M)
         self._along_m = arc_length(self._path[:, :2])
-        sure_m = max((climb.to_m for climb in facts.climbs), default=0.0) + 0.1
+        sure_m = max((climb.to_m + 0.1 for climb in facts.climbs), default=0.0)
         self._sure = self._path[: max(1, int(np.searchsorted(self._along_m, sure_m)))]
         self._ways: dict[int, Array | None] = {}
         self._grounds: dict[tuple[int, frozenset[str], bool], Ground] = {}
@@ -76,7 +78,7 @@ class Rivals:
                 continue
             ground = self._ground(number, names, faced)
             if Alignment(ground, claims, owners, _LIKELY).cost <= _LIKELY:
-                self._led = [number, *self._led]
+                self._led = [number, *(k for k in self._led if k != number)]
                 x, y = self._ends[number][0]
                 room = ground.facts.goal_room or "room without a name"
                 return f"it also leads to another place in the {room}, at ({x:.1f}, {y:.1f}) m"
@@ -111,10 +113,13 @@ class Rivals:
         here = {self._facts.goal_room, *self._facts.goal_rooms} - {""}
         far = [
             (gap, k) for k, gap in enumerate(gaps)
-            if gap > (ELSEWHERE_M if ends[k][1] == own or self._last.names[ends[k][1]] in here
+            if gap > (ELSEWHERE_M if ends[k][1] == own or self._room(ends[k][1]) in here
                       else _OTHER_ROOM_M)
         ]  # fmt: skip
         return [ends[k] for _, k in sorted(far)]
+
+    def _room(self, region: int) -> str:
+        return self._last.names[region] if region >= 0 else ""
 
     def _way(self, number: int) -> Array | None:
         """Return a way (P, 3) [m], None where nobody takes it: by the goal, or far around."""
@@ -137,7 +142,7 @@ class Rivals:
         (x, y), region, _ = self._ends[number]
         level, rooms = self._last, list(_entered(claims))
         last = _taken_for(rooms[-1].name, level.names) if rooms else frozenset()
-        if self._facts.goal_room in last and level.names[region] not in last:
+        if self._facts.goal_room in last and self._room(region) not in last:
             return False
         edge = np.clip((x, y), level.low_m, level.high_m) - (x, y)
         near = np.flatnonzero(np.linalg.norm(edge, axis=1) <= _AT_M)

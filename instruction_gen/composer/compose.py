@@ -1,6 +1,6 @@
 """Write several texts for one path, each of them checked."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -56,7 +56,8 @@ def compose_texts(
         styles: of `STYLES`.
         taken: texts that other paths have already.
         usage: what was written for other paths; the texts repeat little of it.
-        rivals: of the path; a text that leads to one of them as well is not taken.
+        rivals: of the path; a text that leads to one of them as well is not taken, unless the
+            path has no other and nothing on its levels has a name.
 
     Returns:
         The texts that pass their check, as many as could be had, and, where that is none, why.
@@ -64,33 +65,37 @@ def compose_texts(
     """
     usage = Usage() if usage is None else usage
     chosen: list[_Draft] = []
+    doubtful: list[_Draft] = []
+    bare = _is_bare(ground.facts)
     problems: Sequence[str] = ()
     misleads: set[tuple[Claim, ...]] = set()
     for number in range(count):
         style = styles[number % len(styles)]
-        said = {*taken, *(text.text for _, text, *_ in chosen)}
-        attempt = 0
-        for every in _ROUNDS:
-            taste = explicit(TASTES[style]) if every else TASTES[style]
-            drafts = [_draft(ground.facts, taste, rng, usage, chosen) for _ in range(DRAFTS)]
-            drafts = [d for d in sorted(drafts, key=lambda d: d[0]) if _may_do(d[1], said)]
-            for score, text, kinds, phrases in drafts:
-                attempt += 1
-                claims = tuple(claim for step in text.steps for claim in step.claims)
-                if claims in misleads:
-                    continue
-                if problems := check_text(text.text, ground, text.steps).problems:
-                    continue
-                if rivals and (led_to := rivals.led_to(text.steps)):
-                    misleads.add(claims)
-                    problems = (led_to,)
-                    continue
-                chosen.append((score, replace(text, attempts=attempt), kinds, phrases))
-                usage.add(text.text, phrases)
-                break
-            else:
+        others = [*chosen, *doubtful]
+        said = {*taken, *(text.text for _, text, *_ in others)}
+        spare: _Draft | None = None
+        drafts = _drafts(ground.facts, style, rng, usage, others, said)
+        for attempt, (score, text, kinds, phrases) in enumerate(drafts, start=1):
+            claims = tuple(claim for step in text.steps for claim in step.claims)
+            if claims in misleads and (spare or not bare):
                 continue
+            if problems := check_text(text.text, ground, text.steps).problems:
+                continue
+            text = replace(text, attempts=attempt)
+            if rivals and (led_to := rivals.led_to(text.steps)):
+                misleads.add(claims)
+                problems = (led_to,)
+                spare = spare or (score, replace(text, leads_elsewhere=led_to), kinds, phrases)
+                continue
+            chosen.append((score, text, kinds, phrases))
+            usage.add(text.text, phrases)
             break
+        else:
+            doubtful += [spare] if spare and bare else []
+    if not chosen:
+        chosen = doubtful
+        for _, text, _, phrases in chosen:
+            usage.add(text.text, phrases)
     return [text for _, text, *_ in chosen], ([] if chosen else list(problems))
 
 
@@ -146,9 +151,28 @@ def _paced(events: list[Event], facts: PathFacts, names: Names, taste: Taste) ->
     return [*events[:at], Event("walk", since_m, far_m=far_m), *events[at:]]
 
 
-def _may_do(text: WrittenText, said: Collection[str]) -> bool:
-    """Return whether a draft is new and not far too long, as one that tells all may be."""
-    return text.text not in said and len(text.text.split()) <= 2.5 * WORDS[text.style][1]
+def _is_bare(facts: PathFacts) -> bool:
+    """Return whether no label of the scan tells places of a path's levels apart."""
+    return not facts.level_rooms and {*facts.level_nouns} <= {"stairs"}
+
+
+def _drafts(
+    facts: PathFacts, style: str, rng: np.random.Generator, usage: Usage,
+    others: Sequence[_Draft], said: Collection[str],
+) -> Iterator[_Draft]:  # fmt: skip
+    """Yield new drafts: the best of each round, and in the end those far too long."""
+    long: list[tuple[int, _Draft]] = []
+    for every in _ROUNDS:
+        taste = explicit(TASTES[style]) if every else TASTES[style]
+        drafts = [_draft(facts, taste, rng, usage, others) for _ in range(DRAFTS)]
+        for draft in sorted(drafts, key=lambda d: d[0]):
+            text = draft[1].text
+            words = len(text.split())
+            if words > 2.5 * WORDS[style][1]:  # as one that tells all may be
+                long.append((words, draft))
+            elif text not in said:
+                yield draft
+    yield from (d for _, d in sorted(long, key=lambda d: d[0]) if d[1].text not in said)
 
 
 def _draft(

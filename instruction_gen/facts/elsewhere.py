@@ -24,14 +24,19 @@ class Elsewhere:
 
     def __init__(self, level: LevelFacts, start_m: Array):
         """Search from a place (2,) [m]."""
+        self._start_m = start_m
         freemap, every = level.bundle.freemap(level.level), _EVERY_CELLS
         clear = np.where(freemap.traversable, freemap.clearance_m, 0.0)[::every, ::every]
         tight = 1.0 - np.clip((clear - _BODY_M) / _COMFORT_M, 0.0, 1.0)
         cells = np.argwhere(clear >= _BODY_M)
         xy_m = freemap.grid.center_of(cells * every)
         self._finder = MCP_Geometric(np.where(clear >= _BODY_M, 1.0 + _GRAZING * tight**2, -1.0))
-        self._start_m = start_m
-        start = cells[np.linalg.norm(xy_m - self._start_m, axis=1).argmin()]
+        if not len(cells):
+            self.places_m, self.regions, self.costs_m = xy_m, np.empty(0, dtype=int), np.empty(0)
+            return
+        own = level.regions.at(start_m)  # the nearest place outside may lie behind a wall
+        gap_m = np.linalg.norm(xy_m - start_m, axis=1)
+        start = cells[np.lexsort((gap_m, (level.regions.at(xy_m) != own) & (own >= 0)))[0]]
         costs = self._finder.find_costs([tuple(start)])[0][cells[:, 0], cells[:, 1]]
         region = np.where(np.isfinite(costs), level.regions.at(xy_m), -1)
         chosen = _chosen(xy_m, region, clear[cells[:, 0], cells[:, 1]], level)

@@ -235,13 +235,9 @@ class _Reader:
                         claims.pop()
                         claim = replace(claim, room=last.name)
                     before = self._said()[-1].claims
-                    if (
-                        tokens[0].text in ("it", "which", "that")
-                        and claim.kind == "see"
-                        and claim.what == "room"
-                        and before
-                        and before[-1].what == "door"
-                    ):
+                    it = tokens[0].text in ("it", "which", "that")
+                    told = (claim.kind, claim.what, *(c.what for c in before[-1:]))
+                    if it and told == ("see", "room", "door"):
                         # "The door is on your right, and it opens on the kitchen."
                         before[-1] = replace(before[-1], room=before[-1].room or claim.name)
                     into = claim.what == "room" and prep == "into" and last.what == "door"

@@ -156,6 +156,8 @@ def _print(
     text = f"{options.out}: {facts['episodes']} episodes, {facts['texts']} texts"
     if facts["unchecked"]:
         text += f"; {facts['unchecked']} with unchecked words are not exported before a review"
+    if facts["ambiguous"]:
+        text += f"; {facts['ambiguous']} may lead elsewhere, too: nothing there has a name"
     unchanged = 0 if replace else sum(bool(episode.instruction) for episode in task.episodes)
     if unchanged:
         text += f"; {unchanged} episodes had texts and keep them, --replace writes new ones"

@@ -101,6 +101,7 @@ def summary(result: InstructResult) -> dict[str, Any]:
         "episodes": len(result.episodes),
         "texts": len(texts),
         "unchecked": result.unchecked,
+        "ambiguous": result.ambiguous,
         "quarantined": dict(result.failed),
         "unnamed_labels": result.unnamed,
         "language_model": result.usage(),
