@@ -11,6 +11,7 @@ from vlnpe.formats.scene.bundle import SceneBundle
 from vlnpe.formats.scene.freemap import Freemap
 from vlnpe.instruction_gen.checker import Ground
 from vlnpe.instruction_gen.composer import compose_texts
+from vlnpe.instruction_gen.composer.compose import WORDS
 from vlnpe.instruction_gen.facts import LevelFacts, path_facts
 from vlnpe.instruction_gen.facts.elsewhere import Elsewhere
 from vlnpe.instruction_gen.language.reader import readings
@@ -101,3 +102,11 @@ def test_a_strip_that_is_too_narrow_to_walk_leads_nowhere(apartment):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(SceneBundle, "freemap", lambda self, level: narrow)
         assert not len(Elsewhere(apartment, grid.center_of(np.array([12, 20]))).places_m)
+
+
+def test_a_text_may_be_too_long_where_there_is_no_shorter_one(apartment):
+    path = _way_into(apartment, "living room")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(WORDS, "natural", (1, 1))
+        texts, reason = _composed(apartment, path, _Refuses(0))
+    assert texts, reason
