@@ -4,10 +4,14 @@ from collections.abc import Iterator
 from dataclasses import fields
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..formats.core.errors import InputError, MissingExtraError
+from .options.training import Ablate, Train
 from .store.address import store_url
+
+if TYPE_CHECKING:
+    from ..learning.config import ModelConfig
 
 
 class Need(NamedTuple):
@@ -28,7 +32,6 @@ COMMANDS = {
     "serve": ("evaluate", "werkzeug"),
 }
 EXECUTORS = {"ray": "ray", "slurm": "submitit"}
-ENCODERS = {"encoder": "timm", "language": "tokenizers"}
 
 
 def check_extras(command: str, options: Any) -> None:
@@ -58,21 +61,28 @@ def _needs(command: str, options: Any) -> Iterator[Need]:
         yield Need("--vision", "llm", "openai")
     if given.get("to") == "ros2":
         yield Need("--to ros2", "ros2", "rosbags")
+    if command == "push" and given["yes"]:
+        yield Need("publishing on the hub", "train", "huggingface_hub")
     if command in ("train", "ablate"):
-        yield from _of_recipe(given["recipe"], rows_too=command == "ablate")
+        yield from _of_recipe(options)
     for policy in (*str(given.get("policy") or "").split(","), str(given.get("start") or "")):
-        yield from _of_policy(policy)
+        yield from _of_policy(policy.strip())
 
 
 def _of_policy(name: str) -> Iterator[Need]:
-    from ..evaluation.policies.names import MODEL_POLICIES, SERVER_SCHEMES
+    from ..evaluation.policies.names import (
+        CHECKPOINT_SUFFIX,
+        MODEL_POLICIES,
+        SERVER_SCHEMES,
+        shipped_policies,
+    )
 
     if name in MODEL_POLICIES:
         yield Need(f"--policy {name}", "llm", "openai")
     elif name.startswith(SERVER_SCHEMES):
         http = not name.startswith("ws")
         yield Need(f"{name}: a policy server", "evaluate", "httpx2" if http else "websockets")
-    elif name:
+    elif name.endswith(CHECKPOINT_SUFFIX) or name in shipped_policies():
         from ..evaluation.policies.registry import resolve_policy
         from ..learning.card import read_card
 
@@ -83,25 +93,33 @@ def _of_policy(name: str) -> Iterator[Need]:
             return
         if card:
             yield Need(f"{name}: a learned policy", "train", "torch")
-            yield from _of_model(vars(card))
+            yield from _of_model(card.config.model)
 
 
-def _of_recipe(name: str, *, rows_too: bool) -> Iterator[Need]:
+def _of_recipe(options: Train | Ablate) -> Iterator[Need]:
     from ..datasets.mixture.recipe import read_recipe
     from ..datasets.mixture.shipped import recipe_path
+    from ..learning.config import train_config
 
     try:
-        recipe = read_recipe(recipe_path(name))
+        recipe = read_recipe(recipe_path(options.recipe))
+        if isinstance(options, Train):
+            trained = [options.changes(recipe.train)]
+        else:
+            rows = recipe.comparison.rows.items() if recipe.comparison else ()
+            chosen = options.chosen_rows or dict(rows)
+            trained = [
+                row.changes(recipe.train) for name, row in rows if row.mixture and name in chosen
+            ]
+        models = [train_config({**recipe.train, **changes}).model for changes in trained]
     except InputError:  # the command says what is wrong with it
         return
-    rows = recipe.comparison.rows.values() if rows_too and recipe.comparison else ()
-    for train in (recipe.train, *(row.train for row in rows)):
-        yield from _of_model(dict(train.get("model") or {}))
+    for model in models:
+        yield from _of_model(model)
 
 
-def _of_model(model: dict[str, Any]) -> Iterator[Need]:
-    for key, module in ENCODERS.items():
-        value = model.get(key) or ""
-        name = value if isinstance(value, str) else value["model"]
-        if "/" in name:  # a pretrained one, as timm/NAME
-            yield Need(f"{key} {name}", "pretrained", module)
+def _of_model(model: "ModelConfig") -> Iterator[Need]:
+    if model.frozen:
+        yield Need(f"encoder {model.encoder}", "pretrained", "timm")
+    if model.frozen_language:
+        yield Need(f"language {model.language}", "pretrained", "tokenizers")

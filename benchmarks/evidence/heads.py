@@ -30,7 +30,7 @@ from torch.nn.functional import cross_entropy
 
 from vlnpe.datasets.selection import select_all
 from vlnpe.datasets.sequences import ACTIONS, EpisodeSequences, SequenceConfig, collate_sequences
-from vlnpe.evaluation.policies.registry import shipped_policies
+from vlnpe.evaluation.policies.names import shipped_policies
 from vlnpe.evaluation.statistics import clustered_interval
 from vlnpe.formats.core.rollout import Action, EndReason
 from vlnpe.learning.checkpoint import load_checkpoint

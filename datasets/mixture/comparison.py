@@ -61,6 +61,13 @@ class Row:
         """True if seeds differ: of a training, or of the draws of `random`."""
         return bool(self.mixture) or self.policy == "random"
 
+    def changes(self, train: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the row's settings; the recipe's `train` completes its model."""
+        usual, own = train.get("model"), self.train.get("model")
+        if isinstance(usual, dict) and isinstance(own, dict):
+            return {**self.train, "model": usual | own}
+        return dict(self.train)
+
 
 @dataclass(frozen=True)
 class Claim:

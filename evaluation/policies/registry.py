@@ -21,6 +21,7 @@ from .names import (
     ORACLE,
     SERVER_FORMS,
     SERVER_SCHEMES,
+    shipped_policies,
 )
 
 if TYPE_CHECKING:
@@ -152,12 +153,6 @@ def resolve_policy(name: str, timeout_s: float = PolicyChoice.timeout_s) -> Poli
     if not name.startswith(SERVER_SCHEMES) and name not in (*POLICIES, *MODEL_POLICIES, ORACLE):
         raise UnknownNameError("policy", name, _valid_policies())
     return PolicyChoice(name, timeout_s=timeout_s)
-
-
-def shipped_policies() -> dict[str, Path]:
-    """Return the checkpoints that come with vlnpe, by name."""
-    folder = Path(__file__).resolve().parents[2] / "learning" / "policies"
-    return {path.stem: path for path in sorted(folder.glob(f"*{CHECKPOINT_SUFFIX}"))}
 
 
 def _valid_policies() -> list[str]:

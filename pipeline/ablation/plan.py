@@ -137,7 +137,7 @@ def _comparison(options: Ablate, recipe: Recipe) -> Comparison:
             "the recipe has no `comparison`, which names the tests and claims "
             "(docs/guides/training.md)"
         )
-    names = [name.strip() for name in options.rows.split(";") if name.strip()]
+    names = options.chosen_rows
     for name in names:
         check_name("row", name, comparison.rows)
     if names:
@@ -177,9 +177,7 @@ def _selections(
 
 def _changes(recipe: Recipe, row: Row, steps: int | None) -> dict[str, Any]:
     """Return a row's settings; with other `steps` than the recipe's, its own keep their ratio."""
-    changes = dict(row.train)
-    if "model" in changes:
-        changes["model"] = {**recipe.train.get("model", {}), **changes["model"]}
+    changes = row.changes(recipe.train)
     if steps is not None:
         usual = train_config(recipe.train).steps
         changes["steps"] = max(round(changes.get("steps", usual) * steps / usual), 1)

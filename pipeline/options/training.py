@@ -1,8 +1,9 @@
 """Options of the commands for training data: `mix`, `train`, `ablate`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -111,6 +112,27 @@ class Train(Printing):
                 "with --run FOLDER"
             )
 
+    def changes(self, train: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the settings that these options override in a recipe's `train`.
+
+        Raises:
+            InputError: its model is no mapping.
+        """
+        changes = {
+            name: value
+            for name in ("steps", "device")
+            if (value := getattr(self, name)) is not None
+        }
+        model = train.get("model") or {}
+        if not isinstance(model, dict):
+            raise InputError(f"train: model: {model!r}; valid: a mapping")
+        model = dict(model)
+        if self.model is not None:
+            model["name"] = self.model
+        if self.inputs is not None:
+            model["inputs"] = [name.strip() for name in self.inputs.split(",") if name.strip()]
+        return changes | {"model": model}
+
 
 @dataclass(frozen=True)
 class Ablate(Parallel):
@@ -160,6 +182,11 @@ class Ablate(Parallel):
         """Raise InputError if a number is too small."""
         check_numbers(self, 1, "seeds", "steps", "walks")
         check_numbers(self, 0, "threads")
+
+    @property
+    def chosen_rows(self) -> list[str]:
+        """Names of the rows to measure; none for all."""
+        return [name.strip() for name in self.rows.split(";") if name.strip()]
 
 
 @dataclass(frozen=True)

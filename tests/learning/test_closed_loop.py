@@ -17,7 +17,7 @@ from vlnpe.datasets.sequences import EpisodeSequences, SequenceConfig, collate_s
 from vlnpe.evaluation.episode import closed_loop, evaluate_episode
 from vlnpe.evaluation.observation import Eye
 from vlnpe.evaluation.policies.learned import LearnedPolicy
-from vlnpe.evaluation.policies.registry import shipped_policies
+from vlnpe.evaluation.policies.names import shipped_policies
 from vlnpe.formats.core.rollout import Action, Rollout
 from vlnpe.learning.card import Card, View
 from vlnpe.learning.checkpoint import Checkpoint, load_checkpoint

@@ -40,7 +40,7 @@ def _card(folder: Path) -> Target:
 
 
 def _policy_card(folder: Path) -> Target:
-    from vlnpe.evaluation.policies.registry import shipped_policies
+    from vlnpe.evaluation.policies.names import shipped_policies
     from vlnpe.learning.card import read_card
 
     seed = json.loads(shipped_policies()["cma"].with_suffix(".json").read_text())

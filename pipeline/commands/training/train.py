@@ -31,7 +31,7 @@ def run(options: Train) -> int:
     path = recipe_path(options.recipe)
     recipe = read_recipe(path)
     for flag, count in (("--augment", options.augment), ("--dagger", options.dagger)):
-        if count and _changes(options, recipe.train)["model"].get("name") == RDP:
+        if count and options.changes(recipe.train)["model"].get("name") == RDP:
             raise InputError(_NO_WALKS.format(flag=flag))
     if options.out.is_dir():
         sweep(options.out)
@@ -41,7 +41,7 @@ def run(options: Train) -> int:
         out=options.out,
         mixture=options.mixture,
         seed=options.seed,
-        changes=_changes(options, recipe.train),
+        changes=options.changes(recipe.train),
         start=options.start,
         validate=validation(options),
         cache=options.cache,
@@ -63,18 +63,6 @@ def run(options: Train) -> int:
     ]
     facts = {"checkpoint": str(result.checkpoint), "step": result.chosen, "last": last}
     return print_result(options, facts, "\n".join(lines))
-
-
-def _changes(options: Train, train: Any) -> dict[str, Any]:
-    changes: dict[str, Any] = {
-        name: value for name in ("steps", "device") if (value := getattr(options, name)) is not None
-    }
-    model = dict(train.get("model") or {})
-    if options.model is not None:
-        model["name"] = options.model
-    if options.inputs is not None:
-        model["inputs"] = [name.strip() for name in options.inputs.split(",") if name.strip()]
-    return changes | {"model": model}
 
 
 def _described(last: dict[str, Any]) -> list[str]:
