@@ -37,14 +37,16 @@ def find_uv(tool: str = "uv") -> str | None:
     return shutil.which(tool) or (str(own) if own.is_file() else None)
 
 
-def program(*, anywhere: bool = False) -> str:
-    """Return how a shell in this folder, or in any, finds vlnpe; its environment may not be active.
-
-    One in this folder has the `PATH` of this process.
-    """
+def program_in_checkout() -> str:
+    """Return how a shell in the checkout finds vlnpe; `vlnpe` if its environment is elsewhere."""
     own = Path(sys.executable).with_name("vlnpe")
-    if anywhere and own.is_file():
-        return shlex.quote(str(own))
+    inside = own.is_file() and own.is_relative_to(CHECKOUT)
+    return str(own.relative_to(CHECKOUT)) if inside else "vlnpe"
+
+
+def program() -> str:
+    """Return how a shell with this folder and `PATH` finds vlnpe."""
+    own = Path(sys.executable).with_name("vlnpe")
     if shutil.which("vlnpe") or not own.is_file():
         return "vlnpe"
     return str(own.relative_to(Path.cwd()) if own.is_relative_to(Path.cwd()) else own)

@@ -1,11 +1,12 @@
 """Build the report page of a run folder."""
 
+import shlex
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...formats.core.checkout import program
+from ...formats.core.checkout import CHECKOUT, program_in_checkout
 from ...formats.trainers.answers import KINDS
 from ..engine.ledger import Ledger, Row
 from ..stages.episodes.align_items import filter_lines
@@ -35,7 +36,8 @@ def build_page(root: Path, pictures: Pictures) -> str:
     return rendered_page(
         "page.html.j2",
         title=root.name,
-        program=program(anywhere=True),
+        program=program_in_checkout(),
+        folder=_shown_folder(root),
         robots=sorted({r.robot for r in robots}),
         colors=paths.robots,
         cards=_cards(rows, robots, quarantine),
@@ -56,6 +58,14 @@ def build_page(root: Path, pictures: Pictures) -> str:
         quarantine=[
             {"stage": r.stage, "item": r.item, "reason": r.error["reason"]} for r in quarantine
         ],
+    )
+
+
+def _shown_folder(root: Path) -> str:
+    """Return the run's folder as a shell in the checkout names it, or just its name."""
+    root = root.resolve()
+    return shlex.quote(
+        str(root.relative_to(CHECKOUT) if root.is_relative_to(CHECKOUT) else root.name)
     )
 
 

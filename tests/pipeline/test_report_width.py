@@ -13,7 +13,7 @@ from jinja2 import Environment, PackageLoader
 
 from tests.support.browser import hidden_px
 from tests.support.devtools import chromium
-from vlnpe.formats.core.checkout import program
+from vlnpe.formats.core.checkout import CHECKOUT, program_in_checkout
 from vlnpe.formats.trainers.answers import KINDS
 from vlnpe.pipeline.engine.ledger import Row
 from vlnpe.pipeline.report.gather import RobotRow
@@ -83,7 +83,8 @@ def collection_page() -> str:
     )
     return environment.get_template("page.html.j2").render(
         title="apartments",
-        program=program(anywhere=True),
+        program=program_in_checkout(),
+        folder="runs/apartments",
         robot_rows=robots,
         episodes=[episode],
         quarantine=[lost | {"reason": f"FileNotFoundError: {'a-long-name' * 20}"}],
@@ -127,10 +128,10 @@ def test_the_command_that_shows_the_robots_is_copied_with_a_click(tmp_path: Path
         page.click_on("Copy")
         page.wait("document.querySelector('#copied').textContent === ' copied'")
         words = shlex.split(page.evaluate("getSelection().toString()"))
-    assert words[1:] == ["view", str(tmp_path / "my run's")]
+    assert words == [program_in_checkout(), "view", str(tmp_path / "my run's")]
     # In a new shell, where no environment is active.
     shell = {"PATH": "/usr/bin:/bin"}
-    said = subprocess.run([words[0], "--version"], env=shell, cwd="/", capture_output=True)
+    said = subprocess.run([words[0], "--version"], env=shell, cwd=CHECKOUT, capture_output=True)
     assert said.stdout.startswith(b"vlnpe ")
 
 
