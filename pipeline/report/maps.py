@@ -25,7 +25,7 @@ COLORS = ("#e8a317", "#56b4e9", "#cc79a7", "#009e73", "#f0e442", "#8060d0")
 TRACK_STEP = 10  # samples, 0.1 s
 REFERENCE_STEP_M = 0.25  # so finely the reference path is divided between levels
 CONTACT = "contact"  # kind of the event at which a part begins to touch an obstacle
-MOST_LAYERS = 6  # one for each colour
+WIDEST = 4.0  # line, in widths of a lone one
 MOST_LABELS = 40  # episodes of one map; the labels of more would hide it
 ANGLES_RAD = np.linspace(0.0, 2 * np.pi, 12, endpoint=False)
 
@@ -114,8 +114,9 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     colors = robots if several else _colored(list(by_path))
     width = max(2.0, 0.06 * scale)
     numbers = [list(robots).index(track.robot) for track in tracks]
-    layers = numbers if several else _layers([pixels(t.base_m) for t in tracks], 2.0 * width)
+    layers = _layers([pixels(t.base_m) for t in tracks], 2.0 * width)
     deepest = max(layers, default=0)
+    step = min(0.9, (WIDEST - 0.8) / max(deepest, 1))
     lines, crosses = [], []
     # Where walks share their way, each line above is thinner and leaves those beneath visible.
     for layer, number, track in sorted(
@@ -123,7 +124,7 @@ def map_figure(name: str, picture: Path, paths: ScenePaths) -> dict[str, Any]:
     ):
         title = f"{track.episode.episode_id} {track.robot}: {track.end_reason}"
         walked, on = pixels(track.base_m), track.episode.levels_along(track.base_m) == here
-        own = width * (0.8 + 0.9 * (deepest - layer))
+        own = width * (0.8 + step * (deepest - layer))
         color = colors[track.robot if several else track.path]
         for part in _parts(walked, on):
             lines.append({**_line(part, color, own, title), "robot": number})
@@ -194,7 +195,7 @@ def _layers(tracks: Sequence[NDArray[np.float64]], cell: float) -> list[int]:
             for layer, others in zip(layers, covered, strict=False)
             if len(squares & others) > 3
         }
-        layers.append(min(set(range(MOST_LAYERS)) - along, default=len(layers) % MOST_LAYERS))
+        layers.append(min(set(range(len(layers) + 1)) - along))
     return layers
 
 

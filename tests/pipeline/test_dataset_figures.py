@@ -121,6 +121,18 @@ def test_no_path_hides_one_that_it_shares_its_way_with(a_map):
     assert widths["p6"] == widths["p3"] > widths["p4"] > widths["p5"]
 
 
+def test_lines_of_many_walks_on_one_way_differ_and_are_not_too_wide(a_map):
+    paths = {f"p{k}@0": episode_along([(0, 0), (8, 0)], f"p{k}", scene="home") for k in range(9)}
+    tracks = tuple(
+        Track(path, e, "home", robot, resample(e.reference_path_world_m, 0.05), "success")
+        for path, e in paths.items()
+        for robot in ("aliengo", "h1")
+    )
+    lines = map_figure("home/0", a_map, ScenePaths(paths, tracks))["lines"][: len(tracks)]
+    assert len({line["width"] for line in lines}) == len(tracks)
+    assert max(line["width"] for line in lines) <= 8.0
+
+
 def test_a_path_over_storeys_is_on_the_maps_of_both(a_map):
     up = np.array([[1.0, 1, 0], [4, 1, 0], [7, 1, 2.8], [9, 1, 2.8]])
     flat = episode_along([(0, 0), (3, 1)], "p7", scene="home")
