@@ -196,7 +196,7 @@ def _advice(longest_m: float, with_tight_ends_m: float, radius_m: float) -> str:
 def _warn(search: Search, accepted: Sequence[Candidate], result: SampleResult) -> None:
     bundle, config = search.bundle, search.config
     flat = [c for c in accepted if not c.staircases]
-    single = sorted({c.ground for c in flat if len(c.crossed) < config.min_crossings})
+    single = sorted({c.ground for c in flat if c.steps < config.min_crossings})
     if single:
         logger.warning(
             "%s level %s is a single room: its episodes cannot pass between rooms",

@@ -70,7 +70,7 @@ def crossings(regions: RegionMap, path_m: ArrayLike, settle_m: float = 1.0) -> l
 
 
 def crossings_to_the_ends(regions: RegionMap, path_m: ArrayLike) -> list[Crossing]:
-    """Return the same for a path that may start or end in a doorway.
+    """Return the crossings of a path that may start or end in a doorway.
 
     Both ends are drawn out by half a metre: who stands just behind a frame is in the room behind
     it, wherever the map draws the border of the two.

@@ -53,8 +53,7 @@ class EpisodeRun:
         tick: samples since the start; the time is `tick / STATE_RATE_HZ`.
         command: the one in force.
         touched: tick of the last contact of each part that touched an obstacle.
-        on_decision: called with the tick and each decision of the controller, before the robot
-            obeys.
+        on_decision: called with the tick and each decision, before the robot obeys.
     """
 
     def __init__(

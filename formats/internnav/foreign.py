@@ -205,7 +205,7 @@ def _columns(
     height, width = episode.rgb.shape[1:3]
     camera = CameraModel("ego", width, height, assumptions.hfov_deg)
     floor = start.origin_world_m.tolist()
-    success = end is EndReason.SUCCESS
+    success = end in (EndReason.SUCCESS, EndReason.STOPPED_NEAR)
     return {
         "episode_uid": f"{assumptions.split}/{scene.scene}/{identity}",
         "episode_id": identity,
@@ -254,7 +254,8 @@ def _end_reason(episode: LayoutEpisode) -> EndReason:
     words = f"{episode.finish_status} {episode.fail_reason}".lower()
     if episode.finish_status == "success":
         return EndReason.SUCCESS
-    for reason in (EndReason.FALL, EndReason.STUCK, EndReason.TIMEOUT):
+    known = (EndReason.FALL, EndReason.STUCK, EndReason.TIMEOUT, EndReason.STOPPED_NEAR)
+    for reason in known:
         if reason.value in words:
             return reason
     return EndReason.STOPPED_FAR

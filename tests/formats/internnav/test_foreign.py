@@ -65,6 +65,23 @@ def test_theirs_becomes_units_with_what_is_known(layout: Path, tmp_path: Path) -
             np.testing.assert_allclose(codes, expected_codes, atol=3)
 
 
+@pytest.mark.parametrize(
+    ("reason", "success"), [("stopped_near", True), ("stopped_far", False), ("unsaid", False)]
+)
+def test_a_stop_near_the_goal_is_a_success_of_evaluations(
+    reason: str, success: bool, layout: Path, tmp_path: Path
+) -> None:
+    (scene,) = find_scenes(make_foreign(layout))
+    tasks = scene.folder / "meta/tasks.jsonl"
+    lines = [json.loads(line) for line in tasks.read_text().splitlines()]
+    ends = {"finish_status": "fail", "fail_reason": reason}
+    tasks.write_text("".join(json.dumps(line | ends) + "\n" for line in lines))
+    unit_from_layout(scene, 0, tmp_path / "u", Assumptions())
+    columns = read_episode_unit(tmp_path / "u").columns
+    assert columns["end_reason"] == ("stopped_near" if success else "stopped_far")
+    assert columns["metrics/success"] is columns["metrics/oracle_success"] is success
+
+
 def test_missing_facts_are_named(layout: Path) -> None:
     assert "oracle_success" in json.dumps(Assumptions().note()["derived"])
 
