@@ -30,6 +30,7 @@ from .stop import stop_events
 DRAFTS = 8  # written at once for each text, the best is taken
 _ROUNDS = (False, True, True)  # of drafts, as long as none will do, and whether they tell all
 WORDS = {"terse": (5, 8), "natural": (18, 23), "rich": (36, 48)}
+_LONG = 4  # drafts that are far too long are tried at most, as long ways take long to compare
 _NEAR_M = 1.5
 # A stop that is told with the room that one enters.
 _INTO = {"stop_here": "stop_inside", "stop_into": "stop_into", "stop_beside": "enter_stop"}
@@ -172,7 +173,8 @@ def _drafts(
                 long.append((words, draft))
             elif text not in said:
                 yield draft
-    yield from (d for _, d in sorted(long, key=lambda d: d[0]) if d[1].text not in said)
+    new = [d for _, d in sorted(long, key=lambda d: d[0]) if d[1].text not in said]
+    yield from new[:_LONG]
 
 
 def _draft(
