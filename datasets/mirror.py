@@ -14,16 +14,24 @@ _ACTION = torch.tensor([0, 1, 3, 2])
 _PREVIOUS = torch.tensor([0, 1, 2, 4, 3])
 _FLIPPED = ("rgb", "depth")  # (…, W), images or an encoder's maps
 _SIDEWAYS = ("motion", "pose", "waypoints")  # (…, 3): x forwards, y to the left, yaw
-_OTHER = {"left": "right", "right": "left", "clockwise": "anticlockwise"}
-_WHERE = (
-    r"(?:in|beside|next|by|behind|before|after|past|there|here|at|inside|outside|opposite|when)\b"
-)
-_WORD = re.compile(
-    # "right" is no side in "right away", "it is right beside you", "turn left right after".
-    r"\bright\s+(?:away|now|up|angles?)\b"
-    rf"|\b(?:is|are|be|(?:it|that)'s|you're|stop|wait|stand|just)\s+right\s+{_WHERE}"
-    rf"|(?<=\bleft\s)right\s+{_WHERE}"
-    r"|\b(?P<side>left|right|(?:anti|counter-?)?clockwise)\b",
+_PAIRS = (
+    ("left", "right"), ("leftmost", "rightmost"), ("leftward", "rightward"),
+    ("leftwards", "rightwards"), ("lefthand", "righthand"), ("clockwise", "anticlockwise"),
+)  # fmt: skip
+_OTHER = {a: b for pair in _PAIRS for a, b in (pair, pair[::-1])} | {
+    "counterclockwise": "clockwise"
+}
+_SIDE = re.compile(rf"\b({'|'.join(_OTHER)}|(?:anti|counter)-clockwise)\b", re.IGNORECASE)
+# Where "left" or "right" may be no side: "the room you left", "stop right there", "right away".
+_DOUBTFUL = re.compile(
+    r"\b(?:you|you've|you'd|we|have|had|just|all)\s+(?:left|right)\b"
+    r"|\bleft\s+(?:the|a|an|your|it|that|this)\b"
+    r"|(?<!\bturn\s)(?<!\bturning\s)(?<!\bbear\s)(?<!\bbearing\s)(?<!\bveer\s)(?<!\bveering\s)"
+    r"(?<!\bslightly\s)(?<!\bgently\s)(?<!\bsharply\s)(?<!\bthe\s)(?<!\byour\s)(?<!\ba\s)"
+    r"(?<!\bbend\s)(?<!\bcurve\s)(?<!\bswing\s)(?<!\banother\s)\bright\s+(?:above|across|after|against|ahead|along|around|as|at|back|before"
+    r"|behind|beside|between|beyond|by|down|here|in|inside|near|next|off|on|opposite|outside|over"
+    r"|past|round|there|through|under|until|when|where)\b"
+    r"|\bright\s+(?:away|now|up|angles?)\b",
     re.IGNORECASE,
 )
 
@@ -45,14 +53,17 @@ def mirror_item(item: Mapping[str, Any]) -> dict[str, Any]:
     return result
 
 
-def mirror_text(text: str) -> str:
-    """Return an English instruction with its sides swapped."""
-    return _WORD.sub(_other_side, text)
+def mirror_text(text: str) -> str | None:
+    """Return an English instruction with its sides swapped; None where that is not safe.
+
+    That is so where "left" or "right" may be no side, and in other scripts than the Latin one.
+    """
+    if not text.isascii() or _DOUBTFUL.search(text):
+        return None
+    return _SIDE.sub(_other_side, text)
 
 
 def _other_side(match: re.Match[str]) -> str:
-    word = match["side"]
-    if word is None:
-        return match[0]
-    other = _OTHER.get(word.lower(), "clockwise")
-    return other.capitalize() if word[0].isupper() else other
+    side = match[0]
+    other = _OTHER.get(side.lower(), "clockwise")
+    return other.capitalize() if side[0].isupper() else other

@@ -56,7 +56,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
             images: which of `rgb` and `depth` items have; the others are not read.
             encoder: items have its features of the RGB images, (T, C, 4, 4) float16, instead.
             language: `tokens` are its features of the instruction, (L, C) float16, instead.
-            mirror: whether half of the items, others in every pass, are mirrored.
+            mirror: whether half of the items, others in every pass, are mirrored if their
+                instruction can be.
         """
         self.sequences, self.folder = sequences, folder
         self.encoder, self.language, self.mirror = encoder, language, mirror
@@ -96,8 +97,9 @@ class CachedSequences(Dataset[dict[str, Any]]):
         if "depth" in item:
             item["depth"] = item["depth"].to(torch.float32) * DEPTH_STEP_M
         text = self._choice.text(entry)
-        if self.mirror and self._choice.draw(entry, 2, "mirror"):
-            item, text = mirror_item(item), mirror_text(text)
+        drawn = self.mirror and self._choice.draw(entry, 2, "mirror")
+        if drawn and (other := mirror_text(text)) is not None:
+            item, text = mirror_item(item), other
         return item | {"tokens": self._tokens(text), "uid": entry.uid, "robot": entry.robot}
 
     def prepare(self, number: int) -> Path:
@@ -147,7 +149,8 @@ class CachedSequences(Dataset[dict[str, Any]]):
             facts = path.stat()
             if self.encoder is not None:  # features are of what the video shows
                 content = _digest(path, facts.st_size, facts.st_mtime_ns)
-                parts += [content, entry.first_frame, sorted(self.encoder.facts.items())]
+                code = code_digest(FrozenEncoder.__module__)
+                parts += [content, entry.first_frame, sorted(self.encoder.facts.items()), code]
                 continue
             parts += [path.resolve(), entry.first_frame, facts.st_size, facts.st_mtime_ns]
         return _named(parts)

@@ -20,11 +20,16 @@ def test_a_mirrored_walk_turns_and_sees_the_other_way(tmp_path: Path) -> None:
     selection = select_all([tmp_path / "lerobot" / "vlnce"])
     item = EpisodeSequences(selection, training_tokens(["walk"], 4), how)[0]
     item["action"][1:4] = torch.tensor([2, 3, 1])
+    item["previous_action"][2:5] = torch.tensor([3, 4, 2])
+    item["motion"][1] = torch.tensor([0.2, 0.1, 0.3])
     mirrored = mirror_item(item)
     assert mirrored["action"][1:4].tolist() == [3, 2, 1]
-    assert torch.equal(mirrored["rgb"], item["rgb"].flip(-1))
-    assert torch.equal(mirrored["pose"][:, 0], item["pose"][:, 0])
-    assert torch.equal(mirrored["waypoints"][..., 1:], -item["waypoints"][..., 1:])
+    assert mirrored["previous_action"][2:5].tolist() == [4, 3, 2]
+    torch.testing.assert_close(mirrored["motion"][1], torch.tensor([0.2, -0.1, -0.3]))
+    for key in ("rgb", "depth"):
+        assert torch.equal(mirrored[key], item[key].flip(-1)) and item[key].float().std() > 0
+    for key in ("pose", "waypoints"):
+        assert torch.equal(mirrored[key], item[key] * torch.tensor([1.0, -1.0, -1.0]))
     again = mirror_item(mirrored)
     for key, value in item.items():
         if torch.is_tensor(value):
@@ -38,15 +43,22 @@ def test_a_mirrored_walk_turns_and_sees_the_other_way(tmp_path: Path) -> None:
         ("Left. Stop with the bed on your right.", "Right. Stop with the bed on your left."),
         ("Bear slightly right at the sofa.", "Bear slightly left at the sofa."),
         ("Leave, turning right outside.", "Leave, turning left outside."),
-        ("The door is right in front of you.", "The door is right in front of you."),
-        ("Turn left right after the sofa.", "Turn right right after the sofa."),
-        ("Go left right away, and stop right there.", "Go right right away, and stop right there."),
+        ("Make a right into the hall.", "Make a left into the hall."),
+        ("Take the leftmost door.", "Take the rightmost door."),
         ("Take the left-hand door.", "Take the right-hand door."),
         ("Turn clockwise.", "Turn anticlockwise."),
         ("Turn counter-clockwise.", "Turn clockwise."),
+        ("The door is right in front of you.", None),
+        ("Turn left right after the sofa.", None),
+        ("Go left right away.", None),
+        ("Pause right inside.", None),
+        ("Go right through the hall.", None),
+        ("Return to the room you just left.", None),
+        ("You left the hall.", None),
+        ("左转，然后停在沙发旁。", None),
     ],
 )
-def test_the_sides_of_a_text_are_swapped(text: str, expected: str) -> None:
+def test_the_sides_of_a_text_are_swapped(text: str, expected: str | None) -> None:
     assert mirror_text(text) == expected
 
 
