@@ -150,7 +150,7 @@ def test_pictures_drawn_for_a_model_are_worth_the_whole_ones(walks: Walks) -> No
 
 @pytest.mark.parametrize("name", ["cma", "seq2seq"])
 def test_a_fitted_model_goes_where_the_words_say(walks: Walks, name: str, tmp_path: Any) -> None:
-    result = train_recipe(request(walks, tmp_path, 120, name=name), show=False)
+    result = train_recipe(request(walks, tmp_path, 160, name=name), show=False)
     policy = LearnedPolicy.load(result.checkpoint)
     ends = []
     for number, rollout in enumerate(walks.rollouts):
