@@ -18,20 +18,21 @@ _PAIRS = (
     ("left", "right"), ("leftmost", "rightmost"), ("leftward", "rightward"),
     ("leftwards", "rightwards"), ("lefthand", "righthand"), ("clockwise", "anticlockwise"),
 )  # fmt: skip
-_OTHER = {a: b for pair in _PAIRS for a, b in (pair, pair[::-1])} | {
-    "counterclockwise": "clockwise"
-}
-_SIDE = re.compile(rf"\b({'|'.join(_OTHER)}|(?:anti|counter)-clockwise)\b", re.IGNORECASE)
+_OTHER = {a: b for pair in _PAIRS for a, b in (pair, pair[::-1])}
+_SIDE = re.compile(rf"\b({'|'.join(_OTHER)}|(?:anti|counter)-?clockwise)\b", re.IGNORECASE)
+# Here "right" is a side, whatever follows.
+_SURE = re.compile(
+    r"\b(?:turn|turning|bear|bearing|veer|veering|bend|curve|swing|slightly|gently|sharply|the|your"
+    r"|a|another)\s+right\b(?!\s+(?:away|now|up|angles?)\b)",
+    re.IGNORECASE,
+)
 # Where "left" or "right" may be no side: "the room you left", "stop right there", "right away".
 _DOUBTFUL = re.compile(
     r"\b(?:you|you've|you'd|we|have|had|just|all)\s+(?:left|right)\b"
     r"|\bleft\s+(?:the|a|an|your|it|that|this)\b"
-    r"|(?<!\bturn\s)(?<!\bturning\s)(?<!\bbear\s)(?<!\bbearing\s)(?<!\bveer\s)(?<!\bveering\s)"
-    r"(?<!\bslightly\s)(?<!\bgently\s)(?<!\bsharply\s)(?<!\bthe\s)(?<!\byour\s)(?<!\ba\s)"
-    r"(?<!\bbend\s)(?<!\bcurve\s)(?<!\bswing\s)(?<!\banother\s)\bright\s+(?:above|across|after|against|ahead|along|around|as|at|back|before"
-    r"|behind|beside|between|beyond|by|down|here|in|inside|near|next|off|on|opposite|outside|over"
-    r"|past|round|there|through|under|until|when|where)\b"
-    r"|\bright\s+(?:away|now|up|angles?)\b",
+    r"|\bright\s+(?:above|across|after|against|ahead|along|angles?|around|as|at|away|back|before"
+    r"|behind|beside|between|beyond|by|down|here|in|inside|near|next|now|off|on|opposite|outside"
+    r"|over|past|round|there|through|under|until|up|when|where)\b",
     re.IGNORECASE,
 )
 
@@ -58,7 +59,7 @@ def mirror_text(text: str) -> str | None:
 
     That is so where "left" or "right" may be no side, and in other scripts than the Latin one.
     """
-    if not text.isascii() or _DOUBTFUL.search(text):
+    if not text.isascii() or _DOUBTFUL.search(_SURE.sub(";", text)):
         return None
     return _SIDE.sub(_other_side, text)
 

@@ -65,10 +65,9 @@ def move_events(facts: PathFacts, names: Names, taste: Taste) -> list[Event]:
 
 def _goes_on(event: Event, before: Event | None) -> bool:
     """Return whether a slight bend only goes on with the one before."""
-    return before is not None and (event.kind, event.s) == (before.kind, before.s) == (
-        "slight",
-        event.s,
-    )
+    if before is None or event.kind != "slight":
+        return False
+    return (event.kind, event.s) == (before.kind, before.s)
 
 
 def _from_stairs(todo: list[Move], facts: PathFacts) -> list[Move]:

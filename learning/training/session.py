@@ -63,16 +63,13 @@ def train_recipe(request: Request, planned: Planned | None = None, *, show: bool
     tokens = start.card.tokens if start is not None else _vocabulary(plan, config)
     choice = InstructionChoice(config.instructions, seed)
     cache = request.cache or out / "cache"
-    sources = [
-        _cached(s.selection, tokens, planned, cache, choice, mirror=config.mirror)
-        for s in plan.sources
-    ]
+    sources = [_cached(s.selection, tokens, planned, cache, choice) for s in plan.sources]
     chosen = [s.selection for s in plan.sources]
     seen = [_some(episodes, len(sources)) for episodes in sources]
     shares = plan.shares.tolist()
     more = []
     for name, selection in _more(request):
-        walks = _cached(selection, tokens, planned, cache, choice, mirror=config.mirror)
+        walks = _cached(selection, tokens, planned, cache, choice)
         share = 0.5
         if name == "augmented":
             share = len(walks) / (len(walks) + sum(len(s) for s in sources))
@@ -197,13 +194,12 @@ def _cached(
     planned: Planned,
     cache: Path,
     choice: InstructionChoice | None = None,
-    *,
-    mirror: bool = False,
 ) -> CachedSequences:
+    """Return decoded episodes; with a `choice`, those of the training, which may be mirrored."""
     config = planned.config
     how = SequenceConfig(config.size_px, config.max_steps, config.inflection, future=FUTURE)
     sequences = EpisodeSequences(selection, tokens, how, choice or InstructionChoice())
-    read = config.model.inputs
+    read, mirror = config.model.inputs, config.mirror and choice is not None
     return CachedSequences(sequences, cache, read, planned.encoder, planned.language, mirror=mirror)
 
 
